@@ -1,4 +1,4 @@
-"""Arrays: what annotations call them, slices, and those that are kept in memory, within bounds.
+"""Arrays: what annotations call them, slices, errors, and those kept in memory, within bounds.
 
 Tables of waves, coupling coefficients and the coefficients of BRDFs depend on few small things and
 are the same for every probe. A process that prefilters thousands of probes computes each of them
@@ -58,6 +58,19 @@ def over_channels(combine: np.ufunc, pixels: NDArray[Any]) -> NDArray[Any]:
     numpy's own reductions take about ten times as long along an axis of three.
     """
     return reduce(combine, np.moveaxis(pixels, -1, 0))
+
+
+def relative_rms(missed: float | np.floating, whole: float | np.floating) -> float:
+    """Return the RMS of what is missed over that of the whole, from the sums of their squares.
+
+    It is 0 where the whole is nothing, such as the light of a black probe.
+    """
+    return float(np.sqrt(missed / whole)) if whole > 0 else 0.0
+
+
+def relative_difference(found: Array, truth: Array) -> float:
+    """Return the RMS of the difference of two arrays over the RMS of the second one."""
+    return relative_rms(float(np.sum((found - truth) ** 2)), float(np.sum(truth**2)))
 
 
 class Memo:

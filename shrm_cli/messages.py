@@ -37,7 +37,7 @@ def as_keys(message: object) -> str:
     )
 
 
-def value_text(value: object) -> str:
+def short_repr(value: object) -> str:
     """Return a value as messages show it: in one line, and not for long."""
     return f"{' '.join(repr(value).split()):.80}"
 
@@ -172,7 +172,7 @@ def whole_number(argument: str, value: object, low: int, high: int) -> int:
     number = value if isinstance(value, int) else getattr(value, "__index__", lambda: None)()
     if number is None or isinstance(value, bool) or not low <= number <= high:
         asked = f"give a whole number of {low} .. {high}"
-        raise ArgumentError(argument, f"is {value_text(value)}; {asked}")
+        raise ArgumentError(argument, f"is {short_repr(value)}; {asked}")
     return int(number)
 
 
@@ -267,7 +267,7 @@ def check_kind(argument: str, value: object, kind: Any) -> None:
         wanted = "numbers" if _is_array(kind) else " or ".join(dict.fromkeys(words))
         hint = "; give pixels to Probe.from_array" if hasattr(value, "dtype") else ""
         is_path = os.PathLike[str] in _alternatives(kind)
-        raise ArgumentError(argument, f"{value_text(value)} is not {wanted}{hint * is_path}")
+        raise ArgumentError(argument, f"{short_repr(value)} is not {wanted}{hint * is_path}")
 
 
 def _alternatives(kind: Any) -> tuple[Any, ...]:

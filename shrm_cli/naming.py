@@ -28,6 +28,12 @@ def probe_stem(probe: str) -> str:
     return shortened(stem, _LONGEST_STEM)
 
 
+def map_stem(path: str) -> str:
+    """Return the name of a map's file without its folder and the suffix ``.exr``."""
+    name = Path(path).name
+    return name[:-4] if name.lower().endswith(".exr") else name
+
+
 def brdf_label(spec: str) -> str:
     """Return a BRDF's specification as a part of a file's name; sums may be long, and are cut."""
     from shrm_cli.brdf.spec import file_label

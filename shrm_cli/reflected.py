@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, relative_rms
 from shrm_cli.brdf.coefficients import BrdfCoefficients, energy_above
 from shrm_cli.probe.lighting import Lighting
 from shrm_cli.sphere.bilinear import bilinear_errors, detail_places
@@ -56,7 +56,7 @@ def predicted_error(
     light = weighted_power(lighting, coefficients.order_f)
     whole = np.sum(light * coefficients.degree_energy) + energy_beyond(lighting, coefficients)
     kept = np.sum(light[: order_f + 1] * _kept(coefficients, order_f, order_p, factors))
-    return float(np.sqrt(max(whole - kept, 0.0) / whole)) if whole > 0 else 0.0
+    return relative_rms(max(whole - kept, 0.0), whole)
 
 
 def kept_energy(factors: Array) -> Array:
@@ -269,7 +269,7 @@ def filtering_error(
         weighted = light * factors[:, p, None] ** 2
         energy = cube_energies(weighted, coefficients.values[: order_f + 1, p, : p + 1, None])
         lost, whole = lost + float(errors[: len(energy)] @ energy), whole + float(energy.sum())
-    return float(np.sqrt(lost / whole)) if whole > 0 else 0.0
+    return relative_rms(lost, whole)
 
 
 def fine_places(lighting: Lighting, lobe: Array) -> Array | None:
@@ -313,8 +313,7 @@ def error_bound(
     rho_left = np.maximum(coefficients.total_energy - low.sum(axis=0), 0)
     residual = _convolution_measure(order_f + 1)[-1] * np.sum(light_left * rho_left)
     residual += np.sum(light * (low - kept)) + energies_beyond(lighting, coefficients)[1]
-    whole = np.sum(light * kept) + residual
-    return float(np.sqrt(residual / whole)) if whole > 0 else 0.0
+    return relative_rms(residual, np.sum(light * kept) + residual)
 
 
 def _kept(

@@ -1,4 +1,4 @@
-"""What is kept in memory: once for all threads, read-only, and within its bytes."""
+"""What is kept in memory: once for all threads, read-only, and within its bytes; relative RMS."""
 
 import threading
 from concurrent.futures import ThreadPoolExecutor
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from shrm_cli.arrays import Memo, kept_order
+from shrm_cli.arrays import Memo, kept_order, relative_difference, relative_rms
 
 
 def made(count, calls):
@@ -130,3 +130,14 @@ def test_orders_are_kept_in_few_steps():
     assert all(low <= high < low + 8 for low, high in enumerate(kept))
     assert len(set(kept)) == 9
     assert [kept_order(order) for order in (0, 8, 9)] == [0, 8, 16]
+
+
+def test_errors_are_relative_to_the_second_array():
+    found, truth = np.array([[1.0, 2.0], [3.0, 5.0]]), np.array([[1.0, 2.0], [3.0, 1.0]])
+    assert relative_rms(9.0, 36.0) == 0.5
+    np.testing.assert_allclose(relative_difference(found, truth), 4 / np.linalg.norm(truth))
+
+
+def test_nothing_is_missed_of_nothing():
+    assert relative_rms(0.0, 0.0) == 0
+    assert relative_difference(np.ones(3), np.zeros(3)) == 0

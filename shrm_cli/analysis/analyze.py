@@ -20,7 +20,7 @@ from shrm_cli.files.image import Picture
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.size import check_size
-from shrm_cli.messages import value_text, whole_number
+from shrm_cli.messages import short_repr, whole_number
 from shrm_cli.orders import Orders, known_coefficients, sufficient_orders
 from shrm_cli.probe.lighting import Lighting, project
 from shrm_cli.probe.open import AnyProbe, as_probe
@@ -381,7 +381,7 @@ def analyze(
     [(5, 2)]
     """
     if not tolerances or not all(0 < each < 1 for each in tolerances):
-        raise ArgumentError("tolerances", f"{value_text(tolerances)} are not within 0 and 1")
+        raise ArgumentError("tolerances", f"{short_repr(tolerances)} are not within 0 and 1")
     for name, order, most in (("f", order_f, MAX_ORDER_F), ("p", order_p, MAX_ORDER_P)):
         if order is not None:
             whole_number(f"order_{name}", order, 0, most)

@@ -168,7 +168,7 @@ def compare(
     others = loaded if truth is not None else loaded[1:]
     comparison = compare_spheres(truth or baseline, others, viewers, size, stages.done, primaries)
     warnings += outside
-    warnings += [] if source is None else [f"{source.name}: {w}" for w in source.report.warnings()]
+    warnings += [] if source is None else source.warnings()
     warnings += differing_origins(infos, label, digest, made_for)
     compared = tuple(names[len(names) - len(others) :])
     return Compared(comparison, compared, truth, made_for, surface, warnings)

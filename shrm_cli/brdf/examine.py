@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, relative_rms
 from shrm_cli.brdf.albedo import ACCURACY, directional_albedo
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.spec import AnyBrdf, as_brdf
@@ -66,13 +66,13 @@ def examine(brdf: AnyBrdf, seed: int = 0) -> Examination:
     mirrored = _values(brdf, reflect(view, np.array([0.0, 0.0, 1.0])), view)
     everything = np.concatenate([there, back, mirrored])
     size = np.mean(there**2 + back**2) / 2
-    error = np.sqrt(np.mean((there - back) ** 2) / size) if size > 0 else 0.0
+    error = relative_rms(np.mean((there - back) ** 2), size)
     angles = ANGLES + _GRAZING
     albedos = np.stack([directional_albedo(brdf, np.radians(angle)) for angle in angles])
     most = int(np.argmax(albedos.max(axis=1)))
     return Examination(
         everything.min(axis=0), everything.max(axis=0), albedos[: len(ANGLES)],
-        float(albedos[most].max()), float(angles[most]), float(error),
+        float(albedos[most].max()), float(angles[most]), error,
     )  # fmt: skip
 
 
@@ -84,8 +84,7 @@ def difference(one: Brdf, other: Brdf, seed: int = 0) -> float:
     """
     light, view = _random_pairs(one, np.random.default_rng(seed))
     first, second = (np.asarray(brdf.transfer(light, view), dtype=float) for brdf in (one, other))
-    size = np.mean(first**2)
-    return float(np.sqrt(np.mean((first - second) ** 2) / size)) if size > 0 else 0.0
+    return relative_rms(np.mean((first - second) ** 2), np.mean(first**2))
 
 
 def _random_pairs(brdf: Brdf, rng: "np.random.Generator") -> tuple[Array, Array]:

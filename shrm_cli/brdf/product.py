@@ -32,7 +32,7 @@ from typing import Self
 import numpy as np
 
 from shrm_cli import progress
-from shrm_cli.arrays import Array, Indices, slices
+from shrm_cli.arrays import Array, Indices, relative_difference, slices
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.lobe import cuts_horizon
 from shrm_cli.brdf.lobe_expansion import axis_widths, lobe_width
@@ -226,7 +226,7 @@ class ProductQuadrature:
             for more in ((2 * made.along, made.around), (made.along, 2 * made.around)):
                 finer = cls(brdf, made.rule, *more, np.inf)
                 then = finer.coefficients(views, order)
-                changes.append((_change(now, then), finer, then))
+                changes.append((relative_difference(now, then), finer, then))
             residual = float(np.hypot(changes[0][0], changes[1][0]))
             most = effort.good_most if residual <= effort.good else effort.most
             if residual <= accuracy or 2 * made.along * made.around > most:
@@ -380,11 +380,6 @@ def scout_views() -> list[Array]:
         turn = k * (np.pi * (3 - np.sqrt(5))) + 0.3
         found.append(unproject(radius * np.cos(turn), radius * np.sin(turn)))
     return found
-
-
-def _change(before: Array, after: Array) -> float:
-    whole = float(np.sum(after**2))
-    return float(np.sqrt(np.sum((after - before) ** 2) / whole)) if whole > 0 else 0.0
 
 
 def own_frame(brdf: Brdf, directions: Array) -> Array:

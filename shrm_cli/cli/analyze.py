@@ -121,7 +121,7 @@ def analyze(
     if found.pictures is not None and exposure is None:
         exposure = found.pictures.exposure()
     _draw(found, targets, exposure or 0.0, f"{title} in {Path(probe or '').name}")
-    warnings = [] if source is None else [f"{probe}: {w}" for w in source.report.warnings()]
+    warnings = [] if source is None else source.warnings()
     warnings += _remarks(found, values["order_p"])
     if not no_plots and not can_plot():
         warnings.append(_NO_CHARTS)

@@ -89,7 +89,7 @@ def choose(
                     failures.append(f"{path}, {spec}: {usage.flags(str(reason))}")
                 stages.done(len(found) + len(failures), pairs)
             if any(name == path for name, _ in found):
-                warnings += [f"{path}: {line}" for line in light.report.warnings()]
+                warnings += light.warnings()
     if not found:
         raise click.ClickException(failures[0])
     failures += [_misfit(path, each) for path, each in found if each.recommended is None]

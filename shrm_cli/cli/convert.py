@@ -14,6 +14,7 @@ from shrm_cli.cli.types import BYTES, DIRECTION, PATH, Named, flag, option, whol
 from shrm_cli.files.whole import keeping
 from shrm_cli.maps.options import SHADER, all_options, listing, owners
 from shrm_cli.maps.registry import descriptions, installed_names
+from shrm_cli.naming import map_stem
 
 _TARGETS = [*vocabulary.REPRESENTATIONS, *vocabulary.LAYOUTS, vocabulary.LAYERS]
 _OURS = {"sampling": "to_sampling", "orientation": "to_orientation", "path": "output"}
@@ -202,6 +203,6 @@ def _plain_rules(target: str, is_map: bool, view: object, mips: bool) -> dict[st
 def _plain_name(source: str, target: str, view: tuple[float, float] | None) -> str:
     """Return the default name of a plain image."""
     if view is None:
-        return f"{usage.map_stem(source)}.{target}.mips.exr"
+        return f"{map_stem(source)}.{target}.mips.exr"
     azimuth, elevation = view
-    return f"{usage.map_stem(source)}.latlong.view{azimuth:g}_{elevation:g}.exr"
+    return f"{map_stem(source)}.latlong.view{azimuth:g}_{elevation:g}.exr"

@@ -240,5 +240,5 @@ def _exported(
         *[f"  {path.name:<32} {path.stat().st_size:>12,} bytes" for path in paths],
         *[f"  {line}" for line in made.told],
     ]
-    remarks = source.probe.report.warnings() if source.probe is not None else ()
-    return result, lines, [*(f"{source.path}: {line}" for line in remarks), *made.warnings]
+    remarks = [] if source.probe is None else source.probe.warnings()
+    return result, lines, [*remarks, *made.warnings]

@@ -19,6 +19,7 @@ from shrm_cli.vocabulary import MAX_LATLONG_HEIGHT, Precision
 if TYPE_CHECKING:
     from shrm_cli.arrays import Array
     from shrm_cli.photo.brackets import Merged
+    from shrm_cli.probe.proxy import ProxyBox
 
 _DIFFERENT = 0.1
 """Photographs that differ by more, in the median, show other scenes or are turned otherwise."""
@@ -80,7 +81,7 @@ def brackets(photos: tuple[str, ...], output: str, precision: Precision, **mergi
         lines.append(f"  white          {made.white:.1%} of the largest number")
     warnings = _disagreements(made.paths, differences) + _white_pixels(output, made)
     recipe = {"probe": "brackets", "photos": _names(made.paths), "exposures": exposures}
-    _write(output, made.pixels, precision, made.chromaticities, recipe, facts, lines, warnings)
+    write_probe(output, made.pixels, precision, made.chromaticities, recipe, facts, lines, warnings)
 
 
 def _disagreements(paths: Sequence[str], differences: Sequence[float | None]) -> list[str]:
@@ -181,7 +182,7 @@ def ball(
                 "see the same; check `camera` and `circle`"
             )
     recipe = {"probe": "ball", "photos": _names(photos), "cameras": made.cameras}
-    _write(output, made.pixels, precision, made.chromaticities, recipe, facts, lines, warnings)
+    write_probe(output, made.pixels, precision, made.chromaticities, recipe, facts, lines, warnings)
 
 
 @click.command()
@@ -244,9 +245,9 @@ def unclip(
         f"times {times}"
     ]
     recipe = {"probe": "unclip", "source": Path(source).name, "factors": made.factors.tolist()}
-    _write(
+    write_probe(
         output, made.pixels, precision, made.probe.chromaticities, recipe, facts, lines,
-        [f"{source}: {line}" for line in probe.report.warnings()],
+        probe.warnings(),
     )  # fmt: skip
 
 
@@ -254,7 +255,7 @@ def _names(photos: Sequence[str]) -> list[str]:
     return [Path(each).name for each in photos]
 
 
-def _write(
+def write_probe(
     output: str,
     pixels: Array,
     precision: Precision,
@@ -263,12 +264,14 @@ def _write(
     facts: dict[str, Any],
     lines: Sequence[str],
     warnings: Sequence[str],
+    proxy: ProxyBox | None = None,
 ) -> None:
-    """Write what was made of photographs, with what it was made of, and tell it."""
+    """Write a probe that was made, with what it was made of, and tell it."""
     from shrm_cli.files.image import write_image
     from shrm_cli.files.recipe import picture_attributes
+    from shrm_cli.probe.proxy import box_attributes
 
-    attributes = picture_attributes(recipe, [chromaticities])
+    attributes = picture_attributes(recipe, [chromaticities]) | box_attributes(proxy)
     pixel_type = write_image(output, pixels, precision, attributes)
     height, width, _ = pixels.shape
     result = {"file": output, "width": width, "height": height, "precision": pixel_type, **facts}

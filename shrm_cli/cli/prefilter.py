@@ -141,7 +141,7 @@ def prefilter(
         summary = made.summary() if is_told else made.quick_summary()
     result = {"file": os.fspath(target), **summary, "storage_error": stored.error}
     result |= {"bytes": os.path.getsize(target), "precision": stored.pixel_type}
-    warnings = [f"{probe}: {line}" for line in source.report.warnings()]
+    warnings = source.warnings()
     if stored.pixel_type == "float" and (precision, made.map.natural_precision) == ("auto", "auto"):
         warnings.append(f"{target}: written as 32-bit float, for {_why_float(stored)}")
     # Whoever says what share may be wrong is told by the search where it is not kept.

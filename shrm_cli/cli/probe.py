@@ -9,8 +9,8 @@ import click
 
 import shrm_cli as shrm
 from shrm_cli.cli import options, usage
-from shrm_cli.cli.photo import ball, brackets, unclip
-from shrm_cli.cli.terminal import announce, conclude, echo, progress_bar
+from shrm_cli.cli.photo import ball, brackets, unclip, write_probe
+from shrm_cli.cli.terminal import announce, echo, progress_bar
 from shrm_cli.cli.types import (
     BOX,
     DIRECTION,
@@ -191,11 +191,9 @@ def capture(
     """
     import numpy as np
 
-    from shrm_cli.files.image import write_image
-    from shrm_cli.files.recipe import picture_attributes
-    from shrm_cli.probe.proxy import ProxyBox, box_attributes
+    from shrm_cli.probe.proxy import ProxyBox
     from shrm_cli.rooms.bake import IN_WALLS
-    from shrm_cli.rooms.capture import box_around, captured
+    from shrm_cli.rooms.capture import box_around, trace_probe
     from shrm_cli.rooms.make import open_room
 
     usage.check_outputs([output], files=[mesh, *([probe] if probe else [])])
@@ -206,7 +204,7 @@ def capture(
     proxy = ProxyBox.of(low, high, at)
     announce([f"{mesh}: {len(room.mesh.faces):,} triangles, {size} x {2 * size} pixels"])
     with progress_bar("tracing") as progress:
-        found = captured(room, place, size, samples, opened.surroundings, progress)
+        found = trace_probe(room, place, size, samples, opened.surroundings, progress)
     light = opened.surroundings
     colors = None if light is None else light.chromaticities
     recipe = {
@@ -214,23 +212,15 @@ def capture(
         "albedo": dict(albedo), "emit": dict(emit), "noise": round(found.noise, 5),
         **({} if probe is None else {"surroundings": Path(probe).name}),
     }  # fmt: skip
-    attributes = picture_attributes(recipe, [colors]) | box_attributes(proxy)
-    pixel_type = write_image(output, found.pixels, precision, attributes)
     warnings = list(opened.warnings)
     if found.behind > IN_WALLS:
         warnings.append(
             f"{output}: {found.behind:.0%} of what is seen is the back of surfaces, which is "
             "black; give `at` within the room, or turn the triangles that face outwards"
         )
-    result = {
-        "file": output, "width": 2 * size, "height": size, "precision": pixel_type,
-        "noise": found.noise, "behind": found.behind, "proxy": proxy.record(),
-    }  # fmt: skip
-    lines = [
-        f"{output}: {2 * size} x {size}, {pixel_type}",
-        f"  noise of {found.noise:.1%} (RMS) is left; four times the samples halve it",
-    ]
-    conclude(result, lines, warnings)
+    facts = {"noise": found.noise, "behind": found.behind, "proxy": proxy.record()}
+    lines = [f"  noise of {found.noise:.1%} (RMS) is left; four times the samples halve it"]
+    write_probe(output, found.pixels, precision, colors, recipe, facts, lines, warnings, proxy)
 
 
 probe.add_command(image_options(capture))

@@ -89,7 +89,7 @@ def reference(
     recipe["reference"]["exposure"] = stops
     attributes = picture_attributes(recipe, [source.chromaticities])
     pixel_type = write_picture(target, pixels, precision, attributes)
-    warnings = [f"{probe}: {line}" for line in source.report.warnings()]
+    warnings = source.warnings()
     warnings += exposure_advice(target, pixels, stops)
     lines = [
         f"{target}: {size} x {size}, {pixel_type}",

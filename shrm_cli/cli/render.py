@@ -15,6 +15,7 @@ from shrm_cli.cli import moving, options, shading, stage, usage
 from shrm_cli.cli.terminal import conclude, progress_bar
 from shrm_cli.cli.types import FILE, PATH, PICTURE_SIZE, VECTOR, option, whole, within
 from shrm_cli.files.recipe import picture_attributes
+from shrm_cli.naming import map_stem
 from shrm_cli.vocabulary import DEFAULT_FPS, Precision
 
 if TYPE_CHECKING:
@@ -137,7 +138,7 @@ def render(
         drawing = _on_sphere(lit, size, shown, values)
     else:
         drawing = _on_mesh(lit, mesh, baked, size, shown, {**values, "transfer": transfer})
-    film = Film(drawing, shown, [*map(usage.map_stem, lit.names)], exposure or 0.0, skies, columns)
+    film = Film(drawing, shown, [*map(map_stem, lit.names)], exposure or 0.0, skies, columns)
     given = values | {"view": view, "vary": ways, "background": background, "probe": probe}
     with progress_bar("rendering") as progress:
         film, images, doubts = _exposed(film, targets[0], exposure, progress)
@@ -146,7 +147,7 @@ def render(
             written, lines = _write_animation(film, images, pattern, view[0], fps, max_memory)
         else:
             written, lines = _write_pictures(film, images, targets, precision, settings)
-    told += [f"{path}: {w}" for path, each in probes.items() for w in each.report.warnings()]
+    told += [line for each in probes.values() for line in each.warnings()]
     lines += _of_surfaces(mesh, drawing, lit.maps, values)
     lines += options.told_of_exposure(exposure, film.exposure)
     conclude({"files": written, **settings}, lines, drawing.warnings + doubts + told)
@@ -336,7 +337,7 @@ def _files(maps: Sequence[str], mesh: str | None, values: dict[str, Any]) -> lis
 
 
 def _default_name(maps: Sequence[str | None], mesh: str | None, frames: int | None) -> str:
-    stem = "sheet" if len(maps) > 1 else "".join(usage.map_stem(path) for path in maps if path)
+    stem = "sheet" if len(maps) > 1 else "".join(map_stem(path) for path in maps if path)
     if mesh is not None:
         stem = f"{stem}.{Path(mesh).stem}".lstrip(".")
     return f"{stem}.png" if frames is None else f"{stem}.%04d.png"

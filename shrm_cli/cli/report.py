@@ -111,7 +111,7 @@ def report(
         "maps": measured.summary(),
         "failures": failures,
     }
-    warnings = [f"{probe}: {line}" for line in light.report.warnings()]
+    warnings = light.warnings()
     warnings += made.warnings
     failed = [f"{each['what']}: {each['error']}" for each in failures]
     conclude(result, _lines(output, len(text), measured), warnings, failed)

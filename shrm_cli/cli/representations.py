@@ -80,8 +80,7 @@ def print_representations(
     with progress_bar("comparing") as progress:
         table = compare_representations(plan, progress)
     result = {"probe": path, **_facts(plan, table), "picture": output}
-    warnings = [f"{path}: {line}" for line in source.report.warnings()]
-    warnings += _doubts(plan, table)
+    warnings = source.warnings() + _doubts(plan, table)
     report = [_report(table, path), *_left_out()]
     if output is not None:
         shows = table.truth[:, 0]

@@ -80,7 +80,7 @@ def sun(
         result = _result(probe, split)
     written = _write(split, output, light_file, usd, precision)
     result |= written
-    warnings = [f"{probe}: {line}" for line in found.report.warnings() + _doubts(split)]
+    warnings = found.warnings() + [f"{probe}: {line}" for line in _doubts(split)]
     if engine is not None:
         from shrm_cli.lights.snippets import snippet
 

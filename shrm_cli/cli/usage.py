@@ -142,12 +142,6 @@ force_option = click.option(
 )  # fmt: skip
 
 
-def map_stem(path: str) -> str:
-    """Return the name of a map's file without its folder and the suffix ``.exr``."""
-    name = Path(path).name
-    return name[:-4] if name.lower().endswith(".exr") else name
-
-
 def source_stem(path: str, forms: Collection[str]) -> str:
     """Return what outputs are named after: a file's name without its suffix, and without a form."""
     stem = Path(path).stem

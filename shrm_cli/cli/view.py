@@ -103,7 +103,7 @@ def view(
             truth_size=truth_size if has_truth else 0, max_size=max_size if output else None,
             rounded=output is not None and not lossless, progress=progress,
         )  # fmt: skip
-    warnings = [] if light is None else [f"{probe}: {line}" for line in light.report.warnings()]
+    warnings = [] if light is None else light.warnings()
     warnings += shown.warnings
     if output is None:
         warn(warnings)

@@ -147,9 +147,9 @@ def _read(
     found = source if isinstance(source, Map) else open_map(source)
     colors = ColorReading.of(found.info.chromaticities, reading)
     if reading.primaries is not None:
-        from shrm_cli.maps.primaries import declared
+        from shrm_cli.maps.primaries import with_stated_primaries
 
-        found = declared(found, colors.own)  # type: ignore[arg-type]
+        found = with_stated_primaries(found, colors.own)  # type: ignore[arg-type]
     if not np.array_equal(turn, np.eye(3)):
         found = found.turned(turn)
     if reading.working is not None:

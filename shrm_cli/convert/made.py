@@ -198,7 +198,7 @@ class ConvertedProbe(Converted):
             "precision": pixels,
         }
         report = f"{', '.join(files)}: {self.layout} probe, {width} x {height}, {pixels}"
-        warnings = [f"{self.probe.name}: {line}" for line in self.probe.report.warnings()]
+        warnings = self.probe.warnings()
         if self.sampling == "border" and not is_marked:
             warnings.append(f"{path}: no attribute tells of this; read it with `sampling` border")
         if self.layout in CUBES and self.orientation != default_orientation(self.layout):

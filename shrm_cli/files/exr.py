@@ -18,7 +18,7 @@ import OpenEXR
 from shrm_cli import settings
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
-from shrm_cli.files.exr_header import SEAL, UNSEALED, ends_whole, excess, seal
+from shrm_cli.files.exr_header import SEAL, UNSEALED, ends_whole, seal, why_too_much
 from shrm_cli.files.openimageio import oiio, quiet
 from shrm_cli.files.parts import LARGE, Part, StoredFile, StoredPart
 from shrm_cli.files.whole import cut_off_error, replacing
@@ -87,7 +87,7 @@ def decoded(path: str | os.PathLike[str], names: Sequence[str]) -> Array | None:
 
 def open_file(path: str | os.PathLike[str]) -> "ExrFile | None":
     """Open an OpenEXR file; return None if it is missing, damaged or of another format."""
-    if much := excess(path):
+    if much := why_too_much(path):
         raise MapError(f"{os.fspath(path)}: {much}, which is too much; export it again")
     source = _open_image(path)
     if source is None or source.format_name() != "openexr":

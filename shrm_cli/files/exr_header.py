@@ -75,7 +75,7 @@ def _mapped(path: str | os.PathLike[str]) -> Iterator[mmap.mmap]:
         yield data
 
 
-def excess(path: str | os.PathLike[str]) -> str:
+def why_too_much(path: str | os.PathLike[str]) -> str:
     """Return what a file has too many of to be read; empty for other files.
 
     `path` is a regular file of any format. Raises OSError if it cannot be read.

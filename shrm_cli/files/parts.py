@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from shrm_cli.arrays import Array, slices
+from shrm_cli.arrays import Array, relative_rms, slices
 from shrm_cli.errors import MapError, OutputError
 from shrm_cli.files.whole import check_regular, note
 from shrm_cli.progress import in_order
@@ -223,7 +223,7 @@ def _examined(
             f"{path}: the value {largest:.6g} overflows half ({LARGEST_HALF:.0f}); use `precision` "
             "auto or float"
         )
-    error = float(np.sqrt(lost / whole)) if whole > 0 else 0.0
+    error = relative_rms(lost, whole)
     too_dim = precision == "auto" and error > max(allowed, HALF_ROUNDING)
     takes_float = precision == "float" or overflows or too_dim
     storage = Storage("float" if takes_float else "half", np.inf if overflows else error)

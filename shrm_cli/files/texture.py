@@ -13,7 +13,7 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.color import srgb_to_linear
-from shrm_cli.files.exr_header import excess
+from shrm_cli.files.exr_header import why_too_much
 from shrm_cli.files.openimageio import oiio, quiet
 from shrm_cli.files.whole import note, scratch_folder
 
@@ -131,7 +131,7 @@ def _file(texture: Path | bytes) -> Iterator[Path]:
             suffix = _suffix(stream.read(8))
     except OSError as error:
         raise ValueError(f"{texture.name} cannot be read ({error.strerror})") from error
-    if suffix == ".exr" and excess(texture):
+    if suffix == ".exr" and why_too_much(texture):
         raise ValueError(f"{texture.name} claims more than it holds; export it again")
     yield texture
 

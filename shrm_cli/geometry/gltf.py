@@ -66,9 +66,9 @@ class _Part:
     """Shape (n, 3); None where the file has none, and triangles are flat."""
     faces: Integers
     numbers: Integers
-    """Those of its vertices among those of the file, shape (n,)."""
+    """The numbers of its vertices among those of the file, shape (n,)."""
     joints: tuple[tuple[NDArray[np.number], Array], ...]
-    """Which joints move each vertex, and how much of it, each of shape (n, 4)."""
+    """The joints that move each vertex, and their shares of it, each of shape (n, 4)."""
     more: dict[str, Any]
     """Other arguments of `make_mesh` that its vertices have, by their names."""
     material: SurfaceMaterial | None

@@ -67,7 +67,7 @@ class SurfaceMaterial:
     normal_scale: float = 1.0
     """Factor of x and y of the normals."""
     occlusion_map: Texture | None = None
-    """In red the share of the light that reaches the surface."""
+    """Its red channel is the share of the light that reaches the surface."""
     occlusion_strength: float = 1.0
     """0 .. 1, how far it counts."""
     emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -144,8 +144,8 @@ class Mesh:
     uvs_1: Array | None
     """The second set of them, shape (n, 2)."""
     tangents: Array | None
-    """Those of the file: the direction in which u grows, and 1 or -1, the sign of v's direction N x
-    T; NaN where the file has none, shape (n, 4)."""
+    """The tangents of the file: the direction in which u grows, and 1 or -1, the sign of v's
+    direction N x T; NaN where the file has none, shape (n, 4)."""
     colors: Array | None
     """Colours of the vertices as the file has them, integers as fractions of their largest, shape
     (n, 3)."""
@@ -154,7 +154,7 @@ class Mesh:
     face_materials: Integers
     """For each triangle its index in `materials`; -1 for none, shape (m,)."""
     file_vertices: Integers
-    """Which vertex of its file each vertex is, see `load_mesh`, shape (n,). Several of a mesh are
+    """The number of each vertex in its file, see `load_mesh`, shape (n,). Several of a mesh are
     one of its file where the file gives it several normals or texture coordinates."""
     file_rows: Integers
     """For each vertex of the file the vertex of the mesh that it is, the first one of several; -1
@@ -460,7 +460,7 @@ def _angles(vertices: Array, faces: Integers) -> Array:
     angles = np.empty(faces.T.shape)
     for corner in range(3):
         here, after, before = (vertices[faces[:, (corner + k) % 3]] for k in range(3))
-        u, v = _unit(after - here), _unit(before - here)
+        u, v = unit_or_zero(after - here), unit_or_zero(before - here)
         # atan2 is exact for small angles and those near pi, where the arc cosine is not.
         angles[corner] = np.arctan2(
             np.linalg.norm(np.cross(u, v), axis=1), np.einsum("ij,ij->i", u, v)
@@ -468,7 +468,8 @@ def _angles(vertices: Array, faces: Integers) -> Array:
     return angles
 
 
-def _unit(vectors: Array) -> Array:
+def unit_or_zero(vectors: Array) -> Array:
+    """Return vectors (n, 3) divided by their lengths; those of no length stay 0."""
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
     return vectors / np.where(length > 0, length, 1)
 

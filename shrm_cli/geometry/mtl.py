@@ -31,7 +31,7 @@ _UNREAD_OPTIONS = {"-mm", "-t"}
 _CHANNELS = {"r": 0, "g": 1, "b": 2, "m": 3}
 """The channels of textures that are numbers, by what `-imfchan` calls them."""
 _SPARSE = {"-o", "-s", "-t"}
-"""Those that need not have all of their arguments, which are numbers."""
+"""The options that need not have all of their arguments, which are numbers."""
 _MAPS = {
     "map_Kd": "color_map", "map_Pm": "metallic_map", "map_Pr": "roughness_map",
     "norm": "normal_map", "map_Kn": "normal_map", "map_Ke": "emission_map",

@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import ArgumentError
-from shrm_cli.geometry.mesh import Integers, Mesh
+from shrm_cli.geometry.mesh import Integers, Mesh, unit_or_zero
 from shrm_cli.sphere.directions import horizontal_tangents
 
 _TINY = 1e-300
@@ -27,8 +27,7 @@ def tangents_from_uvs(mesh: Mesh) -> Array:
         return horizontal_tangents(mesh.normals)
     along, _ = _along_u(mesh, mesh.uvs)
     total = _summed(mesh.faces, along, len(mesh.vertices))
-    length = np.linalg.norm(total, axis=1, keepdims=True)
-    return perpendicular(total / np.where(length > 0, length, 1), mesh.normals)
+    return perpendicular(unit_or_zero(total), mesh.normals)
 
 
 def brushed_tangents(mesh: Mesh, brush: str | tuple[float, float, float] | None = None) -> Array:
@@ -86,9 +85,8 @@ def _along_u(mesh: Mesh, uvs: Array) -> tuple[Array, Array]:
     sign = np.sign(du1 * dv2 - du2 * dv1)
     along = first * dv2[:, None] - second * dv1[:, None]
     along *= sign[:, None]
-    length = np.linalg.norm(along, axis=1, keepdims=True)
     area = np.linalg.norm(np.cross(first, second), axis=1, keepdims=True)
-    return along / np.where(length > 0, length, 1) * area, sign
+    return unit_or_zero(along) * area, sign
 
 
 def _summed(places: Integers, along: Array, count: int) -> Array:

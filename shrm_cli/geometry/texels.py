@@ -93,7 +93,7 @@ class Sampled:
     faces: Integers
     """The triangle of each row's point, shape (k,)."""
     weights: Array
-    """Its place there, barycentric, shape (k, 3)."""
+    """Where the point is in that triangle, barycentric, shape (k, 3)."""
     is_apart: bool
     """Whether no texel is of two charts."""
     is_flat: bool

@@ -265,7 +265,7 @@ def edit_light(
         found = project(each, order).coefficients
         lights.append(found if matrix is None else found @ matrix.T)
     total = sum_of([edit.of_coefficients(lights[0]), *lights[1:]])
-    warnings = [f"{each.name}: {line}" for each in probes for line in each.report.warnings()]
+    warnings = [line for each in probes for line in each.warnings()]
     colors = probes[0].chromaticities
     if not same_primaries(colors, None):
         warnings.append(f"coefficients are in {title_of(colors)}, which their file cannot say")

@@ -340,10 +340,7 @@ class Map(Displayed, ABC):
             "order_carried": info.order_carried,
             "epsilon": info.eps,
             "brdf_energy_captured": info.captured,
-            "predicted_error": info.predicted_error,
-            "added_error": info.added_error,
-            "filter_error": info.filter_error,
-            "storage_error": info.storage_error,
+            **info.errors,
         }
 
     def details(self) -> dict[str, Any]:

@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from shrm_cli.maps.base import Map
     from shrm_cli.probe.proxy import ProxyBox
 
+ERRORS = "predicted_error", "added_error", "filter_error", "storage_error"
+"""What a map states of its errors, relative to all of the reflected light."""
+
 
 @record
 class MapInfo:
@@ -99,6 +102,11 @@ class MapInfo:
     def order_carried(self) -> int:
         """The largest order of the light that the map keeps."""
         return self.order_f if self.carried is None else self.carried
+
+    @property
+    def errors(self) -> dict[str, float]:
+        """The `ERRORS` of the map by their names."""
+        return {name: getattr(self, name) for name in ERRORS}
 
     @property
     def stated_error(self) -> float:

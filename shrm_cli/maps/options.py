@@ -11,7 +11,7 @@ from typing import Any
 
 from shrm_cli import vocabulary
 from shrm_cli.errors import ArgumentError
-from shrm_cli.messages import value_text
+from shrm_cli.messages import short_repr
 from shrm_cli.records import record
 
 
@@ -49,7 +49,7 @@ class Option:
         except (TypeError, ValueError, OverflowError):
             found = None
         if found is None:
-            raise ArgumentError(self.name, f"{value_text(value)} is not {self._wanted()}")
+            raise ArgumentError(self.name, f"{short_repr(value)} is not {self._wanted()}")
         return found
 
     def _wanted(self) -> str:

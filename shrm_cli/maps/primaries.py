@@ -6,7 +6,7 @@ from shrm_cli.color import conversion
 from shrm_cli.maps.base import Map
 
 
-def declared(found: Map, primaries: tuple[float, ...]) -> Map:
+def with_stated_primaries(found: Map, primaries: tuple[float, ...]) -> Map:
     """Return a map that states other primaries for the numbers that it has."""
     return found.with_planes(
         found.planes(), found.sampling, replace(found.info, chromaticities=primaries)

@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, relative_rms
 from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.errors import ArgumentError, MapError
 from shrm_cli.probe.lighting import Lighting
@@ -257,7 +257,7 @@ def shrm_look_up_error(
         series = series.reshape(len(series), -1)
         lost += float(lost_between_texels(series, size, sampling).sum())
         whole += float(np.sum(series**2))
-    return float(np.sqrt(lost / whole)) if whole > 0 else 0.0
+    return relative_rms(lost, whole)
 
 
 def look_up_error(cube: Array, sampling: Sampling, order: int) -> float:

@@ -56,7 +56,7 @@ _MOST_NAME = 40
 def common_header(reflection_map: Map, order_p: int) -> dict[str, Any]:
     """Return the attributes that every part of a map carries."""
     info = reflection_map.info
-    if not np.isfinite([info.predicted_error, info.filter_error, info.added_error]).all():
+    if not np.isfinite(list(info.errors.values())).all():
         raise MapError(
             f"{info.probe}: the error of its map cannot be computed, because the light is too "
             "bright for 32-bit floats; dim it, or give `clamp`"

@@ -111,7 +111,7 @@ def unclip(
 
 def _lamp(probe: Probe, image: Array) -> tuple[NDArray[np.intp], Light]:
     """Return the pixels about as bright as the brightest one, and next to it: numbers and light."""
-    brightness = (image @ np.array(LUMINANCE)).ravel()
+    brightness = (image @ LUMINANCE).ravel()
     numbers = np.flatnonzero(brightness >= PLATEAU * brightness.max())
     pixels = SpherePixels(probe.grid)
     areas = pixels.areas(numbers)

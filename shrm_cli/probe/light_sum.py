@@ -258,11 +258,7 @@ class LightSum(Probe):
 
     def tell_warnings(self) -> None:
         """Take what the pixels of the probes needed, which have been read, into the report."""
-        of_probes = (
-            f"{term.probe.name}: {line}"
-            for term in self.terms
-            for line in term.probe.report.warnings()
-        )
+        of_probes = (line for term in self.terms for line in term.probe.warnings())
         self.report.notes = (*self.image_of_sum.notes, *of_probes)
 
 

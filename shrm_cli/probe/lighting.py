@@ -21,7 +21,7 @@ from shrm_cli.probe.pixels import refuse_overflow
 from shrm_cli.probe.probe import Probe
 from shrm_cli.records import Displayed, once_each, record
 from shrm_cli.sphere.grid.base import Grid
-from shrm_cli.sphere.harmonics import order_of
+from shrm_cli.sphere.harmonics import by_degree, order_of
 from shrm_cli.sphere.rotation import transform_coefficients
 from shrm_cli.vocabulary import MAX_ORDER_F
 
@@ -171,8 +171,7 @@ class Lighting(Displayed):
     @once_each
     def power(self) -> Array:
         """``sum_m |L_lm|^2`` of each degree and channel, shape (order+1, 3); read-only."""
-        starts = np.arange(self.order + 1) ** 2
-        found = np.add.reduceat(self.coefficients**2, starts)
+        found = by_degree(self.coefficients**2)
         found.setflags(write=False)
         return found
 

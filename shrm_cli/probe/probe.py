@@ -227,6 +227,10 @@ class Probe(Displayed):
             found["proxy"] = self.proxy.record()
         return {**found, **self.colors}
 
+    def warnings(self) -> list[str]:
+        """What a user should know of its pixels as far as they have been read, with its name."""
+        return [f"{self.name}: {line}" for line in self.report.warnings()]
+
     @property
     def may_be_coarse(self) -> bool:
         """Whether its pixels are larger than those that maps of sharp lobes are made of."""

@@ -12,7 +12,7 @@ from weakref import WeakValueDictionary
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import ProbeError
-from shrm_cli.files.exr_header import excess, plain_header
+from shrm_cli.files.exr_header import plain_header, why_too_much
 from shrm_cli.files.openimageio import caught, oiio
 from shrm_cli.files.whole import check_regular, fault_of_name, note
 from shrm_cli.messages import is_url, shown
@@ -191,7 +191,7 @@ def check_file(name: str | os.PathLike[str]) -> Path:
         raise ProbeError(f"{path}: no permission to read it; change its mode")
     if status.st_size == 0:
         raise ProbeError(f"{path}: the file is empty; copy or export it again")
-    if much := excess(path):
+    if much := why_too_much(path):
         raise ProbeError(f"{path}: {much}, which is too much; export it again")
     note(path)
     return path

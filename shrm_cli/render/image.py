@@ -88,7 +88,7 @@ def exposure_advice(path: str, pixels: ArrayLike, exposure: float, label: str = 
 
 def _lit(pixels: ArrayLike) -> Array:
     """Return the luminance of what is lit in a linear picture, shape (n,)."""
-    luminance = np.asarray(pixels, dtype=float) @ np.array(LUMINANCE)
+    luminance = np.asarray(pixels, dtype=float) @ LUMINANCE
     return np.asarray(luminance[np.isfinite(luminance) & (luminance > 0)])
 
 

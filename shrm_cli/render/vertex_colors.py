@@ -25,7 +25,7 @@ from shrm_cli.rooms.lit import STAYS, InGrid, ProductInGrid
 from shrm_cli.sphere.directions import horizontal_tangents, normalize
 from shrm_cli.sphere.rotation import transform_coefficients
 from shrm_cli.transfer.bake import mesh_digest
-from shrm_cli.transfer.transfer import Transfer, diffuse_colors, fitted, glossy_colors
+from shrm_cli.transfer.transfer import Transfer, cut_or_padded, diffuse_colors, glossy_colors
 
 # ---- lamps beside the other light of a mesh ------------------------------------------------------
 # Few coefficients hold no shadow of a lamp: to order 4 a dragon under a studio's lamps is 15 % off,
@@ -271,7 +271,7 @@ class VertexColors:
             raise MapError(STAYS)
         if second is not None:
             count = max(len(light), len(second._lighting))
-            first, other = fitted(light, count), fitted(second._lighting, count)
+            first, other = cut_or_padded(light, count), cut_or_padded(second._lighting, count)
             light = (1 - share) * first + share * other
             lamps = blended(lamps, second._lamps, share)
         if turn is not None:

@@ -233,7 +233,7 @@ def _line(
     """Return the row of a probe; its pictures share an exposure."""
     drawn = np.array([each.picture for maps in cells.values() for each in maps])
     inside = whole_coverage(SIZE) == 1
-    stops = suitable_exposure(drawn[:, inside] @ np.array(LUMINANCE))
+    stops = suitable_exposure(drawn[:, inside] @ LUMINANCE)
     heading = tag(
         "th", words.base_name(probe[0]), Html("<br>"), tag("span.quiet", words.stops(stops))
     )

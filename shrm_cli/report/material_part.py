@@ -27,7 +27,7 @@ def exposure_of(material: Material) -> float:
     assert material.comparison is not None
     truth = material.comparison.baseline
     inside = whole_coverage(truth.shape[-2]) == 1
-    return suitable_exposure(truth[:, inside] @ np.array(LUMINANCE))
+    return suitable_exposure(truth[:, inside] @ LUMINANCE)
 
 
 def material_part(
@@ -192,7 +192,7 @@ def _sphere(colors: NDArray[np.uint8], text: str) -> Html:
 def _relative(found: Array, truth: Array) -> Array:
     """Return the signed relative difference of the luminance, as `seen_errors` measures it."""
     weights = whole_coverage(len(truth))
-    shown, true = (pictures.unmultiplied(each) @ np.array(LUMINANCE) for each in (found, truth))
+    shown, true = (pictures.unmultiplied(each) @ LUMINANCE for each in (found, truth))
     floor = SEEN_FLOOR * max(float(np.average(true, weights=weights)), 0.0)
     scale = np.maximum(true, floor)
     return np.divide(shown - true, scale, out=np.zeros_like(true), where=scale > 0)

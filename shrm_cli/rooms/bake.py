@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.arrays import Array, slices
+from shrm_cli.arrays import Array, relative_difference, slices
 from shrm_cli.geometry.rays import Rays
 from shrm_cli.progress import Progress, Stages
 from shrm_cli.records import record
@@ -30,7 +30,7 @@ _SHARPNESS = 50
 _SLANT = 2.0
 """The most by which the plane that a ray meets may be nearer or farther along a texel's middle."""
 _PLANE = 1.02
-"""How much nearer than what a ray meets a plane is, at least, where its surface has ended."""
+"""The least ratio of the distance of what a ray meets to that of a plane whose surface ended."""
 _TOUCHING = 1e-5
 """Surfaces are no nearer than so much of a cell's diagonal, for probes that lie on them."""
 _PATCHES = 2.0
@@ -93,9 +93,8 @@ def _proven(grid: ProbeGrid, gathering: "Gathering", stages: Stages) -> dict[str
         ("error_coefficients", replace(grid, lamps=None), reflected + direct, True),
         ("error_reflected", grid, reflected, False),
     ):
-        missed = of.irradiance(points, normals, is_direct) - truth
-        whole = max(float((truth[free] ** 2).sum()), np.finfo(float).tiny)
-        found[name] = float(np.sqrt((missed[free] ** 2).sum() / whole))
+        shown = of.irradiance(points, normals, is_direct)
+        found[name] = relative_difference(shown[free], truth[free])
     return found
 
 

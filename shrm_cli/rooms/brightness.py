@@ -91,7 +91,7 @@ class Seen:
     """`sky` and `lamps`: radiance of the surroundings, and of what is met, as far as `Emitters`
     leave it, shape (n, 3)."""
     distance: Array
-    """To what is met; infinite to nothing, shape (n,)."""
+    """The distance to what is met; infinite where nothing is, shape (n,)."""
     is_behind: NDArray[np.bool_]
     """Whether a triangle is met from behind, shape (n,)."""
 

@@ -7,7 +7,7 @@ bounces.
 
 import numpy as np
 
-from shrm_cli.arrays import Array, slices
+from shrm_cli.arrays import Array, relative_rms, slices
 from shrm_cli.geometry.rays import Rays
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress, Stages, in_order
@@ -25,7 +25,7 @@ _PATHS_AT_ONCE = 2**16
 _LOOKS = 4096
 """Directions in which the box around a place is looked for."""
 _SNAP = 0.02
-"""By how much of a room's size what is seen may fall short of its box."""
+"""The part of a room's size by which what is seen may fall short of the room's box."""
 _PLASTIC = 1.1673039782614187
 """The root of x^5 = x + 1, whose powers' reciprocals fill cubes of four dimensions evenly (Roberts
 2018, "The Unreasonable Effectiveness of Quasirandom Sequences")."""
@@ -43,7 +43,7 @@ class Captured:
     """The share of what is seen that is the back of surfaces, and black."""
 
 
-def captured(
+def trace_probe(
     room: Room,
     at: Array,
     height: int,
@@ -69,9 +69,9 @@ def captured(
         stages.done(2 + number, 3)
     image = (halves[0] + halves[1]) / 2
     weights = LatLong(height).weights()[..., None]
-    whole = max(float((weights * image**2).sum()), np.finfo(float).tiny)
+    off = (weights * (halves[0] - halves[1]) ** 2).sum()
     # Of independent halves the difference has four times the variance of their mean.
-    noise = float(np.sqrt((weights * (halves[0] - halves[1]) ** 2).sum() / 4 / whole))
+    noise = relative_rms(off / 4, (weights * image**2).sum())
     return Captured(image.astype(np.float32), noise, behind)
 
 
@@ -110,7 +110,7 @@ class _Paths:
     def half(self, samples: int, number: int, progress: Progress) -> tuple[Array, float]:
         """Return the mean over some paths of each pixel, and the share of back faces.
 
-        Those of each `number` are independent of the others.
+        The paths of each `number` are independent of those of other numbers.
         """
         height, width = self._height, 2 * self._height
         random = np.random.Generator(np.random.PCG64(number))

@@ -25,7 +25,7 @@ _STEPS = 0.7548776662466927, 0.5698402909980532
 """Steps of a sequence that fills squares evenly (Roberts 2018, "The Unreasonable Effectiveness of
 Quasirandom Sequences"): powers of the plastic number's reciprocal."""
 _SHORT = 1e-4
-"""How much of the way to a lamp is left out at both ends, so as not to meet what is there."""
+"""The part of the way to a lamp that is left out at both ends, so as not to meet what is there."""
 
 
 def cosines(directions: Array, normals: Array) -> Array:

@@ -38,8 +38,9 @@ from shrm_cli.files.parts import sound_primaries
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
 from shrm_cli.records import record
 from shrm_cli.rooms.lamps import MOST_TRIANGLES, Lamps, SeenLamps
+from shrm_cli.sphere.directions import normalize
 from shrm_cli.sphere.harmonics import degrees, order_of, real_harmonics
-from shrm_cli.transfer.transfer import fitted
+from shrm_cli.transfer.transfer import cut_or_padded
 from shrm_cli.vocabulary import MAX_GRID_ORDER
 
 MOST = 2**20
@@ -142,12 +143,12 @@ class ProbeGrid:
 
     @cached_property
     def coefficients(self) -> Array:
-        """Those of all light."""
+        """The coefficients of all light, reflected and direct."""
         return self.reflected + self.direct
 
     @property
     def chromaticities(self) -> tuple[float, ...] | None:
-        """Those of the light's primaries and white; None where nothing tells them."""
+        """The chromaticities of the light's primaries and white; None where nothing tells them."""
         told = self.facts.get("chromaticities")
         return sound_primaries(tuple(told)) if isinstance(told, list) else None
 
@@ -193,7 +194,7 @@ class ProbeGrid:
         points, normals = np.asarray(points, dtype=float), np.asarray(normals, dtype=float)
         order = self.order if order is None else order
         probes, weights = self.weights(points, normals)
-        light = fitted(self._between(probes, weights, direct=True), (order + 1) ** 2)
+        light = cut_or_padded(self._between(probes, weights, direct=True), (order + 1) ** 2)
         if self.lamps is not None:
             seen = self.lamps.shares(probes, weights)
             light += self.lamps.lamps.coefficients(points, order, seen)
@@ -243,8 +244,8 @@ class ProbeGrid:
         return np.exp(_SHARPER * (shares * np.log(chance)).sum(axis=-1))
 
 
-def octahedral_directions(edge: int = EDGE) -> Array:
-    """Directions of the texels of an octahedral map, shape (edge^2, 3), row after row.
+def octahedral_directions() -> Array:
+    """Directions of the texels of an octahedral map, shape (EDGE^2, 3), row after row.
 
     With u and v in -1 .. 1 from left to right and from top to bottom, a direction is that of
     ``(u, v, 1 - |u| - |v|)``, and where that z is negative x and y are folded over:
@@ -253,13 +254,12 @@ def octahedral_directions(edge: int = EDGE) -> Array:
     References: Cigolle et al. 2014, A Survey of Efficient Representations for Independent Unit
     Vectors.
     """
-    axis = (np.arange(edge) + 0.5) / edge * 2 - 1
+    axis = (np.arange(EDGE) + 0.5) / EDGE * 2 - 1
     v, u = (each.ravel() for each in np.meshgrid(axis, axis, indexing="ij"))
     z = 1 - np.abs(u) - np.abs(v)
     x = np.where(z < 0, (1 - np.abs(v)) * np.where(u < 0, -1, 1), u)
     y = np.where(z < 0, (1 - np.abs(u)) * np.where(v < 0, -1, 1), v)
-    found = np.stack([x, y, z], axis=-1)
-    return found / np.linalg.norm(found, axis=-1, keepdims=True)
+    return normalize(np.stack([x, y, z], axis=-1))
 
 
 def _texels(directions: Array) -> tuple[Array, Array]:

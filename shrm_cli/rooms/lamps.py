@@ -34,12 +34,14 @@ MOST_LAMPS = 64
 MOST_TRIANGLES = 1024
 """`MOST_LAMPS`, `MOST_TRIANGLES`: the most of a room, as each is looked for at every point."""
 _OF_LAMP = 128
-"""Of a lamp that has more triangles, corners are brought together."""
+"""The most triangles of a lamp; where it has more, corners are brought together."""
 _COARSER = 1.25
-"""By how much farther than before, until there are few enough."""
+"""How many times as far apart as before corners may be, until the triangles are few enough."""
 _RULES = (0.0, None), (4.0, (1 - np.eye(3)) / 2), (10.0, np.full((1, 3), 1 / 3))
-"""From how many of its longest edges on a triangle is so many points, weights of its corners: the
-middles of its edges, or its own. That is off by less than a hundredth of the light."""
+"""How triangles are integrated, from the nearest to the farthest: a distance in units of the
+longest edge, and the points that stand for the triangle from there on, as weights of its corners.
+They are the middles of its edges, or its own, and off by less than a hundredth of the light. Where
+there are none, the integral is exact."""
 
 
 @record(eq=False)
@@ -137,9 +139,9 @@ class Group:
     """Triangles of a room that touch each other, which are one lamp."""
 
     rows: Integers
-    """Among those that send light, shape (f,)."""
+    """Their numbers among all triangles that send light, shape (f,)."""
     lamps: Lamps
-    """This one lamp: as many triangles, or a few that stand for them."""
+    """The lamp: these triangles, or a few that stand for them."""
 
 
 def lamps_of(corners: Array, radiance: Array) -> list[Group]:
@@ -278,7 +280,7 @@ def polygon_coefficients(ways: Array, order: int) -> Array:
 
 
 def _solid_angle(ways: Array) -> Array:
-    """Return those of triangles, after Van Oosterom and Strackee 1983, shape (n,)."""
+    """Return the solid angles of triangles, after Van Oosterom and Strackee 1983, shape (n,)."""
     a, b, c = ways
     lengths = [_length(each) for each in ways]
     below = np.prod(lengths, axis=0)

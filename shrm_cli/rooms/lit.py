@@ -36,9 +36,9 @@ from shrm_cli.vocabulary import Center, Frame, Sampling
 _POINTS_AT_ONCE = 2**14
 """Points whose light is interpolated at a time."""
 _WINDOWS = 3
-"""Along each axis of a grid, the most parts for whose light a window is sought."""
+"""The most parts along each axis of a grid for whose light a window is sought."""
 _WITHIN = 0.5 + 1e-9
-"""How many edges of such a part its points are away from its middle."""
+"""How far points of such a part are from its middle at most, in units of its edges."""
 _DARK = 1e-30
 
 
@@ -49,7 +49,7 @@ STAYS = (
     "the light of a grid of probes stays where it is; leave out what moves it, or take a map of "
     "one place"
 )
-"""What is said to who moves it."""
+"""What whoever moves the light is told."""
 
 
 @record(eq=False)
@@ -61,7 +61,7 @@ class InGrid(FixedMap, ReflectionMap):
 
     grid: ProbeGrid
     name: str
-    """Of the grid's file."""
+    """The name of the grid's file."""
 
     representation = "grid"
     frame: ClassVar[Frame] = "global"

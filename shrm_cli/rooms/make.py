@@ -24,7 +24,7 @@ from shrm_cli.probe.proxy import ProxyBox
 from shrm_cli.progress import Progress
 from shrm_cli.records import record
 from shrm_cli.rooms.bake import bake
-from shrm_cli.rooms.capture import box_around, captured
+from shrm_cli.rooms.capture import box_around, trace_probe
 from shrm_cli.rooms.grid import MOST, Lattice, ProbeGrid, color_facts, is_grid, read_grid
 from shrm_cli.rooms.room import Room, untold
 from shrm_cli.rooms.table import is_table, read_positions
@@ -74,8 +74,8 @@ def open_room(
     if light is not None:
         split = split_lamps(light)
         outside = split.residual_probe, split.discs
-        for line in light.report.warnings():  # its pixels have been read
-            warnings.warn(f"{light.name}: {line}", ShrmWarning, stacklevel=3)
+        for line in light.warnings():  # its pixels have been read
+            warnings.warn(line, ShrmWarning, stacklevel=3)
     changes = {"albedo": albedo, "emission": emission}
     room = Room.of(mesh, (ALBEDO,) * 3, changes, *outside)
     return OpenRoom(room, light, _warnings(mesh, room, albedo))
@@ -256,7 +256,7 @@ def capture(
     place = np.array(at, dtype=float)
     low, high = box_around(opened.room, place) if box is None else np.reshape(box, (2, 3))
     proxy = ProxyBox.of(low, high, at)
-    found = captured(opened.room, place, size, samples, light, progress)
+    found = trace_probe(opened.room, place, size, samples, light, progress)
     made = Probe.from_array(
         found.pixels, "latlong", name=opened.room.mesh.name,
         chromaticities=None if light is None else light.chromaticities,

@@ -35,11 +35,11 @@ class Room:
     albedo: Array
     """What each triangle reflects of its irradiance, shape (m, 3)."""
     emission: Array
-    """The radiance that it sends, in the mean, shape (m, 3)."""
+    """The mean radiance that each triangle sends, shape (m, 3)."""
     sky: Probe | None = None
     """What is seen past the room, without its compact lamps; black by default."""
     discs: tuple[Disc, ...] = ()
-    """These lamps."""
+    """The compact lamps that are seen past the room."""
     paints: Mapping[int, Paint] = field(default_factory=dict)
     """Materials that vary over triangles, by textures or vertex colours, by their numbers."""
 

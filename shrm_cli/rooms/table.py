@@ -58,7 +58,7 @@ def read_positions(
     for done, (place, opened) in enumerate(zip(places, opening, strict=True), 1):
         probe = opened()
         light[place] = project(probe.in_primaries(colors), order).coefficients
-        told += [f"{probe.name}: {line}" for line in probe.report.warnings()]
+        told += probe.warnings()
         tell(progress, done, len(opening))
     if len(told) > _TOLD:
         told[_TOLD:] = [f"{path}: {len(told) - _TOLD:,} more lines like these about its probes"]

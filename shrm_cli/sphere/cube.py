@@ -9,7 +9,7 @@ in OpenEXR's orientation (ImfEnvmap.h), right and down of each face are::
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shrm_cli.arrays import Array, slices
+from shrm_cli.arrays import Array, relative_rms, slices
 from shrm_cli.sphere.directions import normalize
 from shrm_cli.sphere.quadrature import cell_edges, nodes
 from shrm_cli.vocabulary import FACES, Orientation, Sampling
@@ -216,8 +216,8 @@ def relative_change(before: Array, after: Array, old: Sampling, new: Sampling) -
     size = before.shape[1]
     weights = np.tile(cube_solid_angles(size, old), (6, 1))[..., None]
     again = CubeSampler(after, new)(cube_directions(size, old))
-    whole = np.sum(weights * before.astype(float) ** 2)
-    return float(np.sqrt(np.sum(weights * (again - before) ** 2) / whole)) if whole > 0 else 0.0
+    missed = np.sum(weights * (again - before) ** 2)
+    return relative_rms(missed, np.sum(weights * before.astype(float) ** 2))
 
 
 def nearest_texels(

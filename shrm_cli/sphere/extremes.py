@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from shrm_cli.arrays import Array, slices
 from shrm_cli.sphere.cube import cube_directions
 from shrm_cli.sphere.directions import normalize
-from shrm_cli.sphere.harmonics import order_of, real_harmonics
+from shrm_cli.sphere.harmonics import by_degree, order_of, real_harmonics
 from shrm_cli.sphere.synthesis import synthesize_cube
 
 _SAMPLES_AN_ORDER = 8
@@ -50,11 +50,10 @@ def degree_values(series: Array, directions: Array) -> Array:
     `series_values`.
     """
     order = order_of(len(series))
-    starts = np.arange(order + 1) ** 2
     result = np.empty((len(directions), order + 1, series.shape[1]))
     for part in slices(len(directions), _BLOCK_VALUES // series.size):
         terms = real_harmonics(order, directions[part])[..., None] * series
-        result[part] = np.add.reduceat(terms, starts, axis=1)
+        result[part] = by_degree(terms, axis=1)
     return result
 
 

@@ -28,6 +28,12 @@ def degrees(order: int) -> NDArray[np.intp]:
     return np.repeat(np.arange(order + 1), 2 * np.arange(order + 1) + 1)
 
 
+def by_degree(values: Array, axis: int = 0) -> Array:
+    """Sum what belongs to each linear index, along an axis, over the indices of each degree."""
+    starts = np.arange(order_of(values.shape[axis]) + 1) ** 2
+    return np.add.reduceat(values, starts, axis=axis)
+
+
 def degrees_and_orders(order: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Degree l and order m of every linear index up to a degree, shape ((order+1)^2,) each."""
     degree = degrees(order)

@@ -3,8 +3,7 @@
 import hashlib
 import json
 import os
-from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from collections.abc import Callable
 from contextlib import nullcontext
 from functools import cached_property
 from pathlib import Path
@@ -13,7 +12,6 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shrm_cli import settings
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.spec import AnyBrdf, as_brdf
 from shrm_cli.errors import ArgumentError
@@ -24,7 +22,7 @@ from shrm_cli.geometry.tangents import brushed_tangents, perpendicular
 from shrm_cli.geometry.textures import Shelf
 from shrm_cli.maps.info import spec_of
 from shrm_cli.messages import check_call
-from shrm_cli.progress import Progress, tell
+from shrm_cli.progress import Progress, in_order, tell
 from shrm_cli.records import record
 from shrm_cli.sources import TRANSFER, fingerprint
 from shrm_cli.sphere.directions import horizontal_tangents, surface_frames
@@ -351,7 +349,7 @@ def _fill(work: Work, plan: Plan, rays: Rays, progress: Progress | None) -> None
                 work.put(_matrices(bounce), part, matrices)
             work.put(_stage(bounce), part, vectors.astype(np.float32))
 
-        for done, _ in enumerate(_in_threads(one, pending), start=1):
+        for done, _ in enumerate(in_order(one, pending), start=1):
             tell(progress, finished + done, total)
 
 
@@ -369,20 +367,6 @@ def _pending(work: Work, bounce: int, glossy: bool) -> list[slice]:
     names = [_matrices(bounce), _stage(bounce)] if glossy else [_stage(bounce)]
     starts = {part.start: part for name in names for part in work.blocks(name)}
     return [starts[start] for start in sorted(starts)]
-
-
-def _in_threads(work: Callable[[slice], None], parts: list[slice]) -> Iterator[None]:
-    """Call a function with all parts, and yield whenever one is done.
-
-    Rays are traced and matrices multiplied without Python's lock.
-    """
-    threads = settings.current().threads or os.cpu_count() or 1
-    pool = ThreadPoolExecutor(threads)
-    try:
-        for future in as_completed([pool.submit(work, part) for part in parts]):
-            yield future.result()
-    finally:
-        pool.shutdown(cancel_futures=True)
 
 
 def _stage(bounce: int) -> str:

@@ -56,7 +56,7 @@ from shrm_cli.geometry.texels import Texels, charted
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import horizontal_tangents, normalize, surface_frames
-from shrm_cli.sphere.harmonics import degrees, real_harmonics
+from shrm_cli.sphere.harmonics import by_degree, degrees, real_harmonics
 from shrm_cli.sphere.quadrature import spiral_directions
 from shrm_cli.sphere.rotation import rotate_into_frames
 from shrm_cli.transfer.transfer import Product
@@ -93,7 +93,7 @@ class Sites:
     origins: Array
     """Where rays of them begin, shape (v, 3)."""
     places: Places
-    """Of which rows what is known at a point of the mesh is a mean."""
+    """Tells the rows whose mean is what is known at a point of the mesh."""
     of_vertices: Callable[[Array], Array]
     """What is known at vertices, shape (n, c), as it is at the sites, shape (v, c)."""
     faces: NDArray[np.int64]
@@ -246,7 +246,7 @@ class GlossyLight:
     matrices: Array
     """The transfer matrices of all vertices, float32 of shape (v, n, n, 1 or channels)."""
     frames: Array
-    """Their frames, with axes as rows, shape (v, 3, 3)."""
+    """The frames of the vertices, with axes as rows, shape (v, 3, 3)."""
     product: Product
     """The product function of the BRDF."""
     channels: int
@@ -258,7 +258,7 @@ class GlossyLight:
         return self.matrices.shape[2], self.channels
 
     def towards(self, vertices: NDArray[np.integer], directions: Array) -> Array:
-        """As of `DiffuseLight.towards`; vertices that face away send nothing."""
+        """Return what `DiffuseLight.towards` does; vertices that face away send nothing."""
         size = self.matrices.shape[1]
         result = np.zeros((len(vertices), *self.shape), np.float32)
         for part in slices(len(vertices), _VERTICES_AT_ONCE):
@@ -444,7 +444,6 @@ def missed_by_order(sites: Sites, rays: Rays) -> Array:
     for start in range(0, count, step * _AT_ONCE):
         part = slice(start, min(start + step * _AT_ONCE, count), step)
         energy += (gathering.transfer(part)[0][..., 0] ** 2).sum(axis=0)
-    lit = energy / (degrees(last) + 1) ** 2
-    by_degree = np.add.reduceat(lit, np.arange(last + 1) ** 2)
-    beyond = np.append(np.cumsum(by_degree[::-1])[-2::-1], 0.0)
-    return np.sqrt(beyond / max(by_degree.sum(), 1e-300))
+    lit = by_degree(energy / (degrees(last) + 1) ** 2)
+    beyond = np.append(np.cumsum(lit[::-1])[-2::-1], 0.0)
+    return np.sqrt(beyond / max(lit.sum(), 1e-300))

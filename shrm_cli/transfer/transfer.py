@@ -11,6 +11,7 @@ from shrm_cli.errors import TransferError
 from shrm_cli.geometry.mesh import Mesh
 from shrm_cli.geometry.texels import Texels
 from shrm_cli.records import record
+from shrm_cli.sphere.directions import normalize
 from shrm_cli.sphere.harmonics import order_of
 
 
@@ -102,7 +103,7 @@ class Transfer:
         found = np.zeros((len(self.vectors), 3)) + np.array([0, 1e-9, 0])
         if self.order > 0:  # Y_11, Y_1-1 and Y_10 are proportional to x, y and z
             found += self.vectors[:, [3, 1, 2]].mean(axis=-1)
-        return found / np.linalg.norm(found, axis=1, keepdims=True)
+        return normalize(found)
 
     def shades_lamps(self, glossy: bool) -> bool:
         """Return whether lamps may be shaded apart: what the mesh sends of their light is known.
@@ -164,7 +165,7 @@ class Product(Protocol):
         """Coefficients c_i(v) of views in the surface's frame, shape (..., n, 3)."""
 
 
-def fitted(lighting: ArrayLike, count: int) -> Array:
+def cut_or_padded(lighting: ArrayLike, count: int) -> Array:
     """Return coefficients, shape (..., m, 3), to another order, cut off or followed by 0."""
     lighting = np.asarray(lighting, dtype=float)
     result = np.zeros((*lighting.shape[:-2], count, 3))
@@ -172,24 +173,21 @@ def fitted(lighting: ArrayLike, count: int) -> Array:
     return result
 
 
-def diffuse_colors(
-    transfer: Transfer, lighting: ArrayLike, albedo: ArrayLike | None = None
-) -> Array:
+def diffuse_colors(transfer: Transfer, lighting: ArrayLike) -> Array:
     """Return the radiance of a diffuse surface, ``albedo / pi`` times its irradiance, shape (v, 3).
 
     `lighting`, of shape (m, 3), or (v, m, 3) where each vertex has its own light, holds
-    coefficients of the light in world axes, of any order, index l(l+1)+m. `albedo`, of shape (1 or
-    3,) or (v, 1 or 3), is that of the transfer by default.
+    coefficients of the light in world axes, of any order, index l(l+1)+m.
     """
     vectors = transfer.vectors
-    light = fitted(lighting, vectors.shape[1])
+    light = cut_or_padded(lighting, vectors.shape[1])
     if light.ndim == 3:
         irradiance = np.sum(vectors * light, axis=1)
     elif vectors.shape[2] == 1:
         irradiance = vectors[..., 0] @ light
     else:
         irradiance = np.einsum("vjc,jc->vc", vectors, light)
-    return irradiance * np.asarray(transfer.albedo if albedo is None else albedo) / np.pi
+    return irradiance * transfer.albedo / np.pi
 
 
 def _arriving_light(matrices: Array, lighting: ArrayLike) -> Array:
@@ -198,7 +196,7 @@ def _arriving_light(matrices: Array, lighting: ArrayLike) -> Array:
     The transfer matrices of these vertices have the shape (k, n, n, 1 or 3).
     """
     count, size, _, channels = matrices.shape
-    light = fitted(lighting, size).astype(matrices.dtype)
+    light = cut_or_padded(lighting, size).astype(matrices.dtype)
     if light.ndim == 3:
         return np.einsum(
             "vijc,vjc->vic", np.broadcast_to(matrices, (*matrices.shape[:3], 3)), light

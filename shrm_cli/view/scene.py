@@ -23,6 +23,7 @@ from shrm_cli.maps.kinds import LightMap, MaterialMap
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.shader.code import Code, written_code
 from shrm_cli.maps.shader.file import pack
+from shrm_cli.naming import map_stem
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.resample import default_size, to_grid
 from shrm_cli.progress import Progress, tell
@@ -306,8 +307,7 @@ def _names(files: Sequence[str]) -> list[str]:
     """Return the files' names without folders and suffixes, numbered where two are the same."""
     names: list[str] = []
     for file in files:
-        name = Path(file).name
-        stem = name[:-4] if name.lower().endswith(".exr") else name
+        stem = map_stem(file)
         count, unique = 1, stem
         while unique in names:
             count += 1

@@ -9,7 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shrm_cli.files.exr import write
-from shrm_cli.files.exr_header import MOST_ATTRIBUTES, MOST_CHANNELS, MOST_PARTS, ends_whole, excess
+from shrm_cli.files.exr_header import (
+    MOST_ATTRIBUTES,
+    MOST_CHANNELS,
+    MOST_PARTS,
+    ends_whole,
+    why_too_much,
+)
 from shrm_cli.files.parts import Part
 from tests.cli.helpers import assert_refused, noise, run, write_exr
 from tests.fuzz.exr_header import Attribute, parse
@@ -43,33 +49,33 @@ def set_channels(headers, count):
 
 
 def test_sound_files_have_no_excess(tmp_path):
-    assert excess(write_exr(tmp_path / "a.exr", noise())) == ""
+    assert why_too_much(write_exr(tmp_path / "a.exr", noise())) == ""
     (tmp_path / "a.txt").write_text("no image")
     (tmp_path / "empty").touch()
-    assert excess(tmp_path / "a.txt") == excess(tmp_path / "empty") == ""
+    assert why_too_much(tmp_path / "a.txt") == why_too_much(tmp_path / "empty") == ""
 
 
 def test_limits(tmp_path, headers):
     add_attributes(headers, MOST_ATTRIBUTES - len(headers.parts[0]))
-    assert excess(written(headers, tmp_path)) == ""
+    assert why_too_much(written(headers, tmp_path)) == ""
     add_attributes(headers, 1)
-    assert excess(written(headers, tmp_path)) == f"more than {MOST_ATTRIBUTES} attributes"
+    assert why_too_much(written(headers, tmp_path)) == f"more than {MOST_ATTRIBUTES} attributes"
 
 
 def test_channels(tmp_path, headers):
     set_channels(headers, MOST_CHANNELS)
-    assert excess(written(headers, tmp_path)) == ""
+    assert why_too_much(written(headers, tmp_path)) == ""
     set_channels(headers, MOST_CHANNELS + 1)
-    assert excess(written(headers, tmp_path)) == f"more than {MOST_CHANNELS:,} channels"
+    assert why_too_much(written(headers, tmp_path)) == f"more than {MOST_CHANNELS:,} channels"
 
 
 def test_channels_under_another_name(tmp_path, headers):
     """The library reads every list of channels, and takes as long for it."""
     half = MOST_CHANNELS // 2
     headers.parts[0].append(Attribute(b"chAnnels", b"chlist", channel_list(half)))
-    assert excess(written(headers, tmp_path)) == ""
+    assert why_too_much(written(headers, tmp_path)) == ""
     headers.parts[0].append(Attribute(b"others", b"chlist", channel_list(half)))
-    assert excess(written(headers, tmp_path)) == f"more than {MOST_CHANNELS:,} channels"
+    assert why_too_much(written(headers, tmp_path)) == f"more than {MOST_CHANNELS:,} channels"
 
 
 def test_parts(tmp_path):
@@ -77,9 +83,9 @@ def test_parts(tmp_path):
     start = b"\x76\x2f\x31\x01\2\x10\0\0"
     path = tmp_path / "bad.exr"
     path.write_bytes(start + part * MOST_PARTS + b"\0")
-    assert excess(path) == ""
+    assert why_too_much(path) == ""
     path.write_bytes(start + part * (MOST_PARTS + 1) + b"\0")
-    assert excess(path) == f"more than {MOST_PARTS:,} parts"
+    assert why_too_much(path) == f"more than {MOST_PARTS:,} parts"
 
 
 @pytest.mark.parametrize(
@@ -105,19 +111,19 @@ def test_every_reader_refuses_it_at_once(tmp_path, headers, change):
 def test_any_bytes_are_survived(tmp_path_factory, data, multi):
     path = tmp_path_factory.getbasetemp() / "any.exr"
     path.write_bytes(b"\x76\x2f\x31\x01" + struct.pack("<I", 0x1002 if multi else 2) + data)
-    assert excess(path) == ""
+    assert why_too_much(path) == ""
 
 
 def test_cut_anywhere(tmp_path, headers):
     data = headers.packed()
     for end in range(0, 400, 7):
         (tmp_path / "cut.exr").write_bytes(data[:end])
-        assert excess(tmp_path / "cut.exr") == ""
+        assert why_too_much(tmp_path / "cut.exr") == ""
 
 
 def test_a_length_beyond_the_file(tmp_path, headers):
     headers.parts[0][0].size = 2**31 - 1
-    assert excess(written(headers, tmp_path)) == ""
+    assert why_too_much(written(headers, tmp_path)) == ""
 
 
 @pytest.mark.parametrize("count", [1, 3])

@@ -137,6 +137,7 @@ def test_negative_radiance_is_told():
     probe = Probe.from_array(image)
     assert probe.image().min() == 0
     (line,) = probe.report.warnings()
+    assert probe.warnings() == [f"{probe.name}: {line}"]
     assert line.startswith("1 pixel with negative radiance")
 
 

@@ -17,7 +17,7 @@ from shrm_cli.render.boxed import Placed
 from shrm_cli.render.camera import Lens, Viewer, aimed
 from shrm_cli.render.mesh import MeshSubject
 from shrm_cli.render.stage import Actor, Look, Stage
-from shrm_cli.rooms.capture import captured
+from shrm_cli.rooms.capture import trace_probe
 from shrm_cli.sphere.grid.latlong import latlong_directions
 from tests.brute_force import unit
 from tests.geometry.shapes import icosphere
@@ -129,7 +129,7 @@ def test_a_shiny_ball_in_a_room_beside_mitsuba():
     mitsuba = pytest.importorskip("mitsuba", reason="mitsuba is not installed")
     mitsuba.set_variant("scalar_rgb")
     room, at, middle, size = colored_room(), np.array([2, 1.5, 2.0]), np.array([3.0, 0.9, 2.8]), 48
-    found = captured(room, at, 128, 32)
+    found = trace_probe(room, at, 128, 32)
     box = ProxyBox.of([0, 0, 0], [4, 3, 4], at)
     probe = replace(Probe.from_array(found.pixels), proxy=box)
     made = prefilter(probe, "ggx:roughness=0.15,f0=1", to="principal")

@@ -10,7 +10,7 @@ from shrm_cli.geometry.rays import Rays
 from shrm_cli.probe.disc import Disc
 from shrm_cli.probe.probe import Probe
 from shrm_cli.rooms import capture
-from shrm_cli.rooms.capture import captured
+from shrm_cli.rooms.capture import trace_probe
 from shrm_cli.sphere.grid.latlong import latlong_directions
 from tests.rooms import shapes
 
@@ -26,7 +26,7 @@ def few_patches(monkeypatch):
 def test_a_furnace_is_equally_bright_everywhere(few_patches):
     """Walls that send e and reflect a of all light: L = e / (1 - a), from anywhere."""
     room = shapes.room([shapes.box([-1, -1, -1], [1, 1, 1])], [[0.6, 0.3, 0.9]], [[1, 2, 3]])
-    found = captured(room, [0.2, 0.1, -0.3], 8, 64)
+    found = trace_probe(room, [0.2, 0.1, -0.3], 8, 64)
     expected = np.array([1, 2, 3]) / (1 - np.array([0.6, 0.3, 0.9]))
     np.testing.assert_allclose(found.pixels / expected, 1, atol=0.05)
     np.testing.assert_allclose((found.pixels / expected).mean(axis=(0, 1)), 1, atol=2e-3)
@@ -41,7 +41,7 @@ def test_paths_are_the_same_in_any_number_of_threads(few_patches, monkeypatch):
     found = []
     for threads in (1, 3):
         with settings.using(threads=threads):
-            found.append(captured(room, [0.2, 0.1, -0.3], 8, 64))
+            found.append(trace_probe(room, [0.2, 0.1, -0.3], 8, 64))
     np.testing.assert_array_equal(found[0].pixels, found[1].pixels)
     assert found[0].noise == found[1].noise
 
@@ -69,7 +69,7 @@ def test_lamps_and_the_sky_are_seen_as_they_are(few_patches):
     sky = np.zeros((16, 32, 3), np.float32)
     sky[:8] = 3.0
     room = replace(room, sky=Probe.from_array(0 * sky))
-    found = captured(room, [1, 1, -1], 32, 16, Probe.from_array(sky))
+    found = trace_probe(room, [1, 1, -1], 32, 16, Probe.from_array(sky))
     directions = latlong_directions(64, 32)
     faces, _, _ = Rays(room.mesh).first_hits(np.array([1, 1, -1]), directions.reshape(-1, 3))
     inner = np.zeros((32, 64), bool)
@@ -92,7 +92,7 @@ def test_the_sun_of_a_sky_shines_in(few_patches):
     room = shapes.room([part], [[0.5, 0.2, 0.1]], [[0] * 3])
     sun = Disc(np.array([0.0, 1, 0]), 0.02, np.array([50.0, 60, 70]))
     room = replace(room, sky=Probe.from_array(np.zeros((8, 16, 3), np.float32)), discs=(sun,))
-    found = captured(room, [0, 1, 0], 16, 4)
+    found = trace_probe(room, [0, 1, 0], 16, 4)
     expected = np.array([0.5, 0.2, 0.1]) / np.pi * sun.irradiance
     np.testing.assert_allclose(found.pixels[-6:], np.broadcast_to(expected, (6, 32, 3)), rtol=1e-3)
     assert found.pixels[:7].max() == 0
@@ -108,7 +108,7 @@ def test_the_stated_noise_is_that_of_independent_runs(few_patches, monkeypatch):
                 paths, samples, 2 * run + number, progress
             ),
         )  # fmt: skip
-        runs.append(captured(room, AT, 16, 8))
+        runs.append(trace_probe(room, AT, 16, 8))
     images = np.array([each.pixels for each in runs], dtype=float)
     weights = np.sin((np.arange(16) + 0.5) * np.pi / 16)[:, None, None]
     whole = (weights * images.mean(axis=0) ** 2).sum()
@@ -120,7 +120,7 @@ def test_the_stated_noise_is_that_of_independent_runs(few_patches, monkeypatch):
 
 def test_backs_are_black_and_told(few_patches):
     room = shapes.two_rooms()
-    found = captured(room, [1.4, 0.4, 1.4], 16, 2)  # within the crate
+    found = trace_probe(room, [1.4, 0.4, 1.4], 16, 2)  # within the crate
     assert found.behind > 0.8  # its bottom lies in the floor, whose front is seen
     assert found.pixels[:8].max() == 0
 
@@ -132,7 +132,7 @@ def test_radiance_beside_mitsuba(rng):
     mitsuba.set_variant("scalar_rgb")
     room = shapes.two_rooms()
     height = 128
-    found = captured(room, AT, height, 64)
+    found = trace_probe(room, AT, height, 64)
     directions = latlong_directions(2 * height, height)
     faces, _, _ = Rays(room.mesh).first_hits(AT, directions.reshape(-1, 3))
     normals = room.normals[faces].reshape(directions.shape)

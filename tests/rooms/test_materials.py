@@ -10,7 +10,7 @@ from shrm_cli.errors import MeshError
 from shrm_cli.geometry.mesh import SurfaceMaterial, Texture, make_mesh
 from shrm_cli.probe.probe import Probe
 from shrm_cli.rooms.bake import bake
-from shrm_cli.rooms.capture import captured
+from shrm_cli.rooms.capture import trace_probe
 from shrm_cli.rooms.grid import Lattice
 from shrm_cli.rooms.make import open_room
 from shrm_cli.rooms.room import Room
@@ -97,7 +97,7 @@ def test_a_texture_glows_as_lamps_of_its_colours():
 def test_what_is_seen_has_its_texture(monkeypatch):
     monkeypatch.setattr("shrm_cli.rooms.capture._PATCHES", 6)
     floor = [(across(0, 4, 0.01), surface((1, 1, 1), color_map=NEAREST))]
-    image = captured(room(floor), np.array([2, 1.5, 2]), 16, 32).pixels
+    image = trace_probe(room(floor), np.array([2, 1.5, 2]), 16, 32).pixels
     below = image[13]
     left = slice(4, 12)  # the left quarter is +X
     right = slice(20, 28)

@@ -23,6 +23,17 @@ def test_index_order():
     assert harmonics.degrees(5).tolist() == [degree for degree, _ in pairs]
 
 
+@pytest.mark.parametrize("axis", [0, 1])
+def test_sums_by_degree(rng, axis):
+    values = rng.normal(size=(36, 36))
+    pairs = [(degree, m) for degree in range(6) for m in range(-degree, degree + 1)]
+    expected = np.zeros((6, 36))
+    for (degree, _), row in zip(pairs, np.moveaxis(values, axis, 0), strict=True):
+        expected[degree] += row
+    found = np.moveaxis(harmonics.by_degree(values, axis), axis, 0)
+    np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
+
+
 def test_degrees_zero_and_one_in_closed_form(rng):
     """The numbers of graphics shaders: 0.282095, then 0.488603 times (y, z, x)."""
     directions = np.vstack([AXES, random_directions(rng, 50)])

@@ -1,5 +1,7 @@
 """Colours of vertices against integrals over light, with and without shadows."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -96,7 +98,7 @@ def test_diffuse_colors_take_the_albedo(glossy):
     light = random_light()
     irradiance = np.einsum("vj,jc->vc", glossy.vectors[..., 0], light)
     np.testing.assert_allclose(diffuse_colors(glossy, light), 0.5 / np.pi * irradiance, atol=1e-6)
-    red = diffuse_colors(glossy, light, (1.0, 0.0, 0.0))
+    red = diffuse_colors(replace(glossy, albedo=np.array([[1.0, 0.0, 0.0]])), light)
     np.testing.assert_allclose(red[:, 0], irradiance[:, 0] / np.pi, atol=1e-6)
     assert (red[:, 1:] == 0).all()
 

@@ -7,7 +7,7 @@ import numpy as np
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf, Parameter, scaled
 from shrm_cli.brdf.cache import remembered
-from shrm_cli.brdf.layered.parts.layered import BASE, Layered
+from shrm_cli.brdf.layered.parts.layered import BASE, Layered, UnderLayer
 from shrm_cli.brdf.layered.parts.table import COSINES, Table, albedos
 from shrm_cli.brdf.models.charlie import Charlie
 from shrm_cli.brdf.sums import flat_terms
@@ -36,25 +36,13 @@ class Fuzzy(Layered):
         return [(1.0, sheen), *((weight, UnderFuzz(self, term, sheen)) for weight, term in terms)]
 
 
-class UnderFuzz(Brdf):
+class UnderFuzz(UnderLayer):
     """A term of a base as it is seen through fuzz."""
 
-    name = "fuzzy-part"
-    summary = "a term of a base under fuzz"
-
     def __init__(self, whole: Fuzzy, term: Brdf, sheen: Charlie) -> None:
-        self.term, self.sheen, self.source = term, sheen, whole.source
-        self.values = {**whole.values, "part": repr(term)}
-        self._text = f"{term!r} in {whole!r}"
-        self.center, self.isotropic = term.center, term.isotropic
+        super().__init__(whole, term)
+        self.sheen = sheen
         self.includes_cosine, self.has_horizon = term.includes_cosine, term.has_horizon
-
-    def __repr__(self) -> str:
-        return self._text
-
-    @property
-    def is_measured(self) -> bool:
-        return self.term.is_measured
 
     def evaluate(self, light: Array, view: Array) -> Array:
         passing = self.passing

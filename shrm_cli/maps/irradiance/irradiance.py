@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, relative_difference
 from shrm_cli.color import luminance_weights
 from shrm_cli.errors import MapError
 from shrm_cli.maps.info import MapInfo
@@ -338,7 +338,7 @@ def in_form(source: Irradiance, form: str) -> Irradiance:
     else:
         zonal = np.einsum("cm,mc->c", zonal_harmonics(axes), coefficients[_QUADRATIC])
     made = np.concatenate([coefficients[:4], (zonal[:, None] * zonal_harmonics(axes)).T])
-    change = _change(plain, replace(plain, coefficients=made))
+    change = relative_difference(replace(plain, coefficients=made).series, plain.series)
     info = with_change(source.info, change)
     return Zh3(made, info, source.size, source.sampling, source.window, form, axes, zonal)
 
@@ -370,7 +370,8 @@ def form_errors(plain: Irradiance, made: Irradiance) -> dict[str, float]:
     missing = plain.info.predicted_error
     known = 1 - missing**2
     linear = replace(plain, coefficients=np.where(np.arange(9)[:, None] < 4, plain.coefficients, 0))
-    lost, change = (_change(plain, each) for each in (linear, made))
+    # By Parseval, the series differ by as much as the irradiances.
+    lost, change = (relative_difference(each.series, plain.series) for each in (linear, made))
     return {
         "four": float(np.sqrt(missing**2 + known * lost**2)),
         "nine": float(missing),
@@ -383,10 +384,3 @@ def _direction(vector: Array, mean: float) -> Array:
     """Return the direction of a degree 1; 0 where it is next to nothing."""
     length = float(np.linalg.norm(vector))
     return vector / length if length > _LEAST * abs(mean) else np.zeros(3)
-
-
-def _change(one: Irradiance, other: Irradiance) -> float:
-    """Return the relative RMS difference of two irradiances, by Parseval."""
-    whole = float(np.sum(one.series**2))
-    difference = float(np.sum((other.series - one.series) ** 2))
-    return float(np.sqrt(difference / whole)) if whole > 0 else 0.0

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from shrm_cli.arrays import relative_rms
 from shrm_cli.brdf.models.lambertian import Lambertian
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import provenance
@@ -106,8 +107,7 @@ def _missing(lighting: Lighting, order_f: int) -> float:
     """Relative RMS error of the irradiance without the degrees above an order (Parseval)."""
     energies = irradiance.irradiance_energies(lighting.power()).sum(axis=1)
     beyond = _unknown(lighting)
-    whole = energies.sum() + beyond
-    return float(np.sqrt((energies[order_f + 1 :].sum() + beyond) / whole)) if whole > 0 else 0.0
+    return relative_rms(energies[order_f + 1 :].sum() + beyond, energies.sum() + beyond)
 
 
 def _unknown(lighting: Lighting) -> float:

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, relative_rms
 from shrm_cli.errors import ArgumentError, MapError
 from shrm_cli.records import record
 from shrm_cli.sphere.extremes import degree_values, low_places, lowest
-from shrm_cli.sphere.harmonics import degrees, order_of
+from shrm_cli.sphere.harmonics import by_degree, degrees, order_of
 from shrm_cli.sphere.quadrature import spiral_directions
 
 FAMILIES = ("hann", "lanczos")
@@ -56,10 +56,8 @@ class Window:
         """Make the window of factors, and measure its costs for a series, shape ((F+1)^2, 3)."""
         squares = _squares(series)
         whole = squares.sum()
-        lost, change = 0.0, 0.0
-        if whole > 0:
-            lost = float(np.sum((1 - factors**2) * squares) / whole)
-            change = float(np.sqrt(np.sum((1 - factors) ** 2 * squares) / whole))
+        lost = float(np.sum((1 - factors**2) * squares) / whole) if whole > 0 else 0.0
+        change = relative_rms(np.sum((1 - factors) ** 2 * squares), whole)
         return cls(name, width, tuple(factors.tolist()), lost, change)
 
     def summary(self, order: int) -> dict[str, Any]:
@@ -205,8 +203,7 @@ def _faded(factors: Array, values: Array, floor: Array) -> Array:
 
 def _squares(series: Array) -> Array:
     """Sum the squares of each degree's coefficients over all channels, shape (F+1,)."""
-    starts = np.arange(order_of(len(series)) + 1) ** 2
-    return np.add.reduceat(np.sum(series**2, axis=1), starts)
+    return by_degree(np.sum(series**2, axis=1))
 
 
 _TINY = 1e-13

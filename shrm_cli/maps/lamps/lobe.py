@@ -12,7 +12,7 @@ from typing import Self
 
 import numpy as np
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, relative_rms
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.lobe import cuts_horizon
 from shrm_cli.brdf.measured import table
@@ -104,7 +104,7 @@ class LobeTable(table.Table):
         missed, whole = (
             float(np.einsum("hdp,hdpc->", weights, values**2)) for values in (wrong, truth)
         )
-        return math.sqrt(missed / whole) if whole > 0 else 0.0
+        return relative_rms(missed, whole)
 
     def texture(self) -> Texture:
         """Return it as shaders read it: a row for each theta_h, times the scale."""

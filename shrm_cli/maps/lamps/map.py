@@ -18,7 +18,7 @@ from shrm_cli.errors import MapError
 from shrm_cli.files.json_text import parse_json
 from shrm_cli.files.parts import StoredPart
 from shrm_cli.maps.base import Map
-from shrm_cli.maps.info import MapInfo, common_brdf
+from shrm_cli.maps.info import ERRORS, MapInfo, common_brdf
 from shrm_cli.maps.kinds import ReflectionMap
 from shrm_cli.maps.lamps.lobe import LobeTable, table_bytes
 from shrm_cli.maps.lamps.rule import LitDiscs, disc_records
@@ -37,8 +37,6 @@ FORMAT = 6
 """The version of files with lamps, which readers that know none of them must refuse."""
 FORMAT_WITH_TABLE = 7
 """The version of those that hold a table of the BRDF, too."""
-_ERRORS = "predicted_error", "added_error", "filter_error", "storage_error"
-"""What a map states of its errors."""
 
 
 @record(eq=False)
@@ -84,7 +82,7 @@ class LampMap(ReflectionMap):
     @cached_property
     def info(self) -> MapInfo:
         """How it was made, with errors relative to all of the reflected light."""
-        return replace(self.map.info, **self._scaled(vars(self.map.info)))
+        return replace(self.map.info, **self._scaled(self.map.info.errors))
 
     @property
     def stated_error(self) -> float:
@@ -96,7 +94,7 @@ class LampMap(ReflectionMap):
 
     def _scaled(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """Return those errors among some values that are relative to the reflected light."""
-        return {name: self.left * values[name] for name in _ERRORS if name in values}
+        return {name: self.left * values[name] for name in ERRORS if name in values}
 
     @cached_property
     def lamps(self) -> LitDiscs:

@@ -150,8 +150,8 @@ def refuse_unknown(brdf: Brdf) -> None:
 
 def _is_known(brdf: Brdf) -> bool:
     """Tell it of a term, and of all that lies under it."""
-    within = _WITHIN.get(_kind(brdf))
-    return _kind(brdf) in _WRITERS and (within is None or _is_known(getattr(brdf, within)))
+    below = getattr(brdf, "term", None)  # what lies under a layer
+    return _kind(brdf) in _WRITERS and (below is None or _is_known(below))
 
 
 def _kind(brdf: Brdf) -> str:
@@ -385,7 +385,7 @@ def _under_coat(brdf: UnderCoat, functions: Functions) -> list[str]:
 
 
 def _under_border(brdf: UnderBorder, functions: Functions) -> list[str]:
-    value = functions.call(brdf.diffuse, "l", "v")
+    value = functions.call(brdf.term, "l", "v")
     return [f"    return {_passed(value, brdf.passing, functions)};"]
 
 
@@ -495,5 +495,3 @@ _WRITERS: dict[str, Callable[..., list[str]]] = {
 }
 """The models, the terms of layers and the tables that there is code of. A class that is derived
 from one may be another BRDF."""
-_WITHIN: dict[str, str] = {"UnderCoat": "part", "UnderBorder": "diffuse", "UnderFuzz": "term"}
-"""What lies under a layer."""

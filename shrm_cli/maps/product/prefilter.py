@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, relative_difference, relative_rms
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.product import ACCURACY, ProductFunctions
 from shrm_cli.errors import BrdfError, MapError
@@ -24,6 +24,7 @@ from shrm_cli.plan import policy
 from shrm_cli.probe.lighting import Lighting, project
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Stages, current, using
+from shrm_cli.sphere.harmonics import by_degree
 from shrm_cli.vocabulary import DEFAULT_PRODUCT_SIZE, MAX_PRODUCT_ORDER
 
 _KNOWN_ORDER = 16
@@ -142,12 +143,13 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
     factors = np.zeros(len(power))
     factors[: order + 1] = shape.factors or 1.0
     squares, beyond = _reflected(lighting, power, energy)
-    whole = max(float(squares.sum()) + beyond, np.finfo(float).tiny)
+    whole = float(squares.sum()) + beyond
     missed = float(squares[order + 1 :].sum()) + beyond
+    changed = float(squares[: order + 1] @ (1 - factors[: order + 1]) ** 2)
     info = replace(
         record,
-        predicted_error=float(np.sqrt(missed / whole)),
-        added_error=float(np.sqrt(squares[: order + 1] @ (1 - factors[: order + 1]) ** 2 / whole)),
+        predicted_error=relative_rms(missed, whole),
+        added_error=relative_rms(changed, whole),
         filter_error=info.filter_error,
     )
     lit = texture.with_info(info).lit(shape.apply(series))
@@ -172,8 +174,7 @@ def _texture(
     table = product_table(brdf, functions, order, texels)
     views = even_views(_VIEWS, _LEAST_COSINE)
     exact, energy = functions.expanded(views, known)
-    starts = np.arange(known + 1) ** 2
-    power = np.add.reduceat(exact**2, starts, axis=1).mean(axis=0)
+    power = by_degree(exact**2, axis=1).mean(axis=0)
     energy = energy.mean(axis=0)
     captured = float(power[: order + 1].sum() / energy.sum()) if energy.sum() > 0 else 1.0
     captured = min(captured, 1.0)
@@ -182,9 +183,7 @@ def _texture(
     )
     texture = ProductTexture(table, info)
     exact = exact[:, : (order + 1) ** 2]
-    found = texture.values(views, linear=True)
-    whole = float(np.sum(exact**2))
-    filtered = float(np.sqrt(np.sum((found - exact) ** 2) / whole)) if whole > 0 else 0.0
+    filtered = relative_difference(texture.values(views, linear=True), exact)
     texture = replace(texture, info=replace(info, filter_error=filtered))
     facts = {"residual": functions.residual, "nodes": functions.most_nodes}
     return texture, facts, power, energy

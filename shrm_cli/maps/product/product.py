@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 from shrm_cli.arrays import Array, slices
 from shrm_cli.errors import MapError
 from shrm_cli.maps.base import Map
-from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.info import ERRORS, MapInfo
 from shrm_cli.maps.kinds import BrushedLight, FixedMap, HarmonicLight, MaterialMap, ReflectionMap
 from shrm_cli.maps.product.steps import Steps
 from shrm_cli.records import handed_on, record
@@ -157,10 +157,7 @@ class ProductMap(_Parabolic, MaterialMap):
             "channels": self.channels,
             "lit": False,
             "brdf_energy_captured": info.captured,
-            "predicted_error": info.predicted_error,
-            "added_error": info.added_error,
-            "filter_error": info.filter_error,
-            "storage_error": info.storage_error,
+            **info.errors,
         }
 
     def details(self) -> dict[str, Any]:
@@ -313,10 +310,7 @@ class VaryingProduct(ProductMap):
             infos[0],
             brdf=steps.recorded([each.brdf for each in infos], 0.5),
             captured=min(each.captured for each in infos),
-            **{
-                name: max(getattr(each, name) for each in infos)
-                for name in ("eps", "predicted_error", "added_error", "filter_error")
-            },
+            **{name: max(getattr(each, name) for each in infos) for name in ("eps", *ERRORS)},
         )
         return cls(tuple(same), steps, info)
 

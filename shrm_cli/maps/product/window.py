@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, relative_rms
 from shrm_cli.maps.irradiance.window import Window, least_factors, make_window, parse_window
 from shrm_cli.records import record
-from shrm_cli.sphere.directions import surface_frames
+from shrm_cli.sphere.directions import normalize, surface_frames
 from shrm_cli.sphere.quadrature import spiral_directions
 from shrm_cli.sphere.rotation import own_axes, rotate_into_frames, transform_coefficients
 from shrm_cli.vocabulary import LUMINANCE, SEEN_FLOOR
@@ -87,14 +87,13 @@ def product_window(spec: str, product: "ProductMap", series: ArrayLike) -> Light
             return LightWindow()
         found = Window.of(factors, series)
     whole, lost = by_degree.sum(axis=1), 1 - np.array(found.factors)
-    square = float(np.sum(whole**2))
     change = np.einsum("nlc,l->nc", by_degree, lost)
     floor = SEEN_FLOOR * max(float(seen[:, 0].mean()), np.finfo(float).tiny)
     # What was negative is nothing to divide by: the brighter of before and after is.
     larger = np.maximum(seen.sum(axis=1), seen @ found.factors)
     relative = np.abs(seen @ lost) / np.maximum(larger, floor)
     costs = {
-        "change": float(np.sqrt(np.sum(change**2) / square)) if square else 0.0,
+        "change": relative_rms(np.sum(change**2), np.sum(whole**2)),
         "p95_change": float(np.quantile(relative, 0.95)),
     }
     return LightWindow(**{**asdict(found), **costs})
@@ -114,8 +113,7 @@ def _by_degree(texture: "ProductTexture", series: Array) -> Array:
     """
     normals = spiral_directions(_FRAMES)
     helper = np.where(np.abs(normals[:, 1:2]) < 0.9, [[0.0, 1.0, 0.0]], [[1.0, 0.0, 0.0]])
-    across = np.cross(helper, normals)
-    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    across = normalize(np.cross(helper, normals))
     turn = (_GOLDEN * np.arange(_FRAMES) ** 2 % (2 * np.pi))[:, None]
     tangents = np.cos(turn) * across + np.sin(turn) * np.cross(normals, across)
     light = np.moveaxis(rotate_into_frames(series, surface_frames(normals, tangents)), -1, 0)

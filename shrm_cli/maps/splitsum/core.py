@@ -26,7 +26,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from shrm_cli import progress
-from shrm_cli.arrays import Array, Indices, slices
+from shrm_cli.arrays import Array, Indices, relative_rms, slices
 from shrm_cli.brdf.coefficients import BrdfCoefficients
 from shrm_cli.brdf.environment.lobe import NormalLobe
 from shrm_cli.maps.size import Band
@@ -73,7 +73,7 @@ def expand(lighting: Lighting, coefficients: BrdfCoefficients, tolerance: float)
     carried = min(max(dark, faded_order(order)), lighting.order)
     fade = Band(order, carried).factors
     lost = float(light[: carried + 1] @ (1 - fade) ** 2 + missing[carried])
-    error = float(np.sqrt(lost / whole)) if whole > 0 else 0.0
+    error = relative_rms(lost, whole)
     return Expansion(passed[: carried + 1] / passed[0] * fade, order, error)
 
 
@@ -190,7 +190,7 @@ def split_lobe(
         tail = whole - core.multipliers()
         lost = unknown_light(lighting, tail**2)
         if lost <= allowed or angle >= np.pi / 2:
-            return core, tail, float(np.sqrt(lost / light)) if light > 0 else 0.0
+            return core, tail, relative_rms(lost, light)
         angle *= _GROWTH
 
 

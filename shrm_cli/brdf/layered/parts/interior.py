@@ -22,7 +22,7 @@ from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf, Color, added, multiplied, scaled
 from shrm_cli.brdf.layered.parts import table
 from shrm_cli.brdf.layered.parts.dielectric import CoatLobe, refracted
-from shrm_cli.brdf.layered.parts.layered import Layered
+from shrm_cli.brdf.layered.parts.layered import Layered, UnderLayer
 from shrm_cli.brdf.vectors import GRAZING, refracted_cosine
 from shrm_cli.records import record
 
@@ -191,24 +191,12 @@ class _Inside(Brdf):
         return self.part.evaluate(refracted(light, self.ior), refracted(view, self.ior))
 
 
-class UnderCoat(Brdf):
+class UnderCoat(UnderLayer):
     """A part of a base as it is seen through a coat."""
 
-    summary = "a part of a base under a coat"
-
     def __init__(self, whole: Layered, part: Brdf, ior: float, lobes: Callable[[], Lobes]) -> None:
-        self.name, self.source = f"{whole.name}-part", whole.source
-        self.values = {**whole.values, "part": repr(part)}
-        self._text = f"{part!r} in {whole!r}"
-        self.center, self.isotropic = part.center, part.isotropic
-        self.base, self.part, self.ior, self._make = whole.base, part, ior, lobes
-
-    def __repr__(self) -> str:
-        return self._text
-
-    @property
-    def is_measured(self) -> bool:
-        return self.part.is_measured
+        super().__init__(whole, part)
+        self.base, self.ior, self._make = whole.base, ior, lobes
 
     @property
     def is_slow(self) -> bool:
@@ -228,6 +216,6 @@ class UnderCoat(Brdf):
             value = lobe.evaluate(inner_light, inner_view)
             values.append(multiplied(value, gain.at(light), gain.at(view)))
         found = scaled(added(values), (light[..., 2] > 0) & (view[..., 2] > 0))
-        if self.part.includes_cosine:
+        if self.term.includes_cosine:
             found = scaled(found, 1 / np.maximum(inner_light[..., 2], GRAZING))
         return found

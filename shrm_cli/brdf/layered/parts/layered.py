@@ -39,3 +39,23 @@ class Layered(Sum):
     def __repr__(self) -> str:
         inside = (f"{key}={value_text(x)}" for key, x in self.values.items() if key != FILES)
         return f"{self.name}:{','.join(inside)}"
+
+
+class UnderLayer(Brdf):
+    """A term of a base as it is seen through the layer over it."""
+
+    summary = "a term of a base under a layer"
+
+    def __init__(self, whole: Layered, term: Brdf) -> None:
+        self.term = term
+        self.name, self.source = f"{whole.name}-part", whole.source
+        self.values = {**whole.values, "part": repr(term)}
+        self._text = f"{term!r} in {whole!r}"
+        self.center, self.isotropic = term.center, term.isotropic
+
+    def __repr__(self) -> str:
+        return self._text
+
+    @property
+    def is_measured(self) -> bool:
+        return self.term.is_measured

@@ -98,11 +98,11 @@ class UnderBorder(Brdf):
     center = "normal"
 
     def __init__(self, border: BorderLobe, diffuse: Brdf) -> None:
-        self.border, self.diffuse = border, diffuse
+        self.border, self.term = border, diffuse
         self.values = {"border": repr(border), "diffuse": repr(diffuse)}
 
     def evaluate(self, light: Array, view: Array) -> Array:
-        value = self.diffuse.evaluate(light, view)
+        value = self.term.evaluate(light, view)
         return multiplied(value, self.passing.at(light), self.passing.at(view))
 
     @property
@@ -111,7 +111,7 @@ class UnderBorder(Brdf):
         return remembered(self, ("passing",), self._passing)
 
     def _passing(self) -> Table:
-        matrix = transport(self.diffuse, COSINES, COSINES)
+        matrix = transport(self.term, COSINES, COSINES)
         wanted = np.maximum(1 - self.border.albedo(), 0) * matrix.sum(axis=1)
         return Table(strength(matrix, np.ones_like(wanted), wanted))
 

@@ -19,7 +19,7 @@ from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.brdf.sums import flat_terms
 from shrm_cli.errors import BrdfError
 from shrm_cli.records import record
-from shrm_cli.sphere.directions import from_angles
+from shrm_cli.sphere.directions import from_angles, normalize
 
 BOUNCES = 100
 """Paths end earlier by chance, except for light that is caught over a base without loss."""
@@ -178,8 +178,7 @@ def _fresnel(cosine: Array, ratio: Array) -> tuple[Array, Array]:
 def _facets(directions: Array, alpha: float, rng: np.random.Generator) -> Array:
     """Choose a visible facet for each direction, which may be below the surface."""
     x, y, z = directions.T
-    stretched = np.stack([alpha * x, alpha * y, z], axis=1)
-    stretched /= np.linalg.norm(stretched, axis=1, keepdims=True)
+    stretched = normalize(np.stack([alpha * x, alpha * y, z], axis=1))
     across = np.hypot(stretched[:, 0], stretched[:, 1])
     safe = np.maximum(across, 1e-12)
     first = np.stack([-stretched[:, 1] / safe, stretched[:, 0] / safe, np.zeros(len(x))], axis=1)
@@ -192,7 +191,7 @@ def _facets(directions: Array, alpha: float, rng: np.random.Generator) -> Array:
     rest = np.sqrt(np.maximum(0, 1 - one**2 - other**2))
     found = one[:, None] * first + other[:, None] * second + rest[:, None] * stretched
     found *= (alpha, alpha, 1)
-    return np.asarray(found / np.linalg.norm(found, axis=1, keepdims=True))
+    return normalize(found)
 
 
 def _spread(rng: np.random.Generator, count: int) -> Array:
