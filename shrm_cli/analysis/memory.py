@@ -26,9 +26,7 @@ _PIXEL_OF_TRUTH = 150
 _POINT = 1000
 """Bytes for each point of a sphere while it is drawn: directions, and what a map looks up."""
 _POINTS_AT_ONCE = 2**19
-"""The most points that are drawn at a time, without those of the rim."""
-_POINTS_OF_RIM = 100
-"""Points of a sphere's rim, times its width in pixels."""
+"""The most points that are drawn at a time, beside which those of the rim are few."""
 _PIXEL_KEPT = 12
 """Bytes of a pixel of a picture, of which a comparison keeps all."""
 _PIXEL_MEASURED = 250
@@ -132,7 +130,7 @@ def check_sheet(pixels: int, size: int, held: int, limit: int | None = None) -> 
 
 
 def _drawing(size: int) -> int:
-    return _POINT * (min(size**2, _POINTS_AT_ONCE) + _POINTS_OF_RIM * size)
+    return _POINT * min(size**2, _POINTS_AT_ONCE)
 
 
 def _physical() -> list[int]:

@@ -17,7 +17,7 @@ from shrm_cli.brdf.transfer import TransferFunctions, compute_transfer
 from shrm_cli.errors import ArgumentError
 from shrm_cli.lights.lamp import Lamp
 from shrm_cli.lights.shape import Change, of_pixels
-from shrm_cli.lights.split import LampSplit, split_lamps
+from shrm_cli.lights.split import LampSplit, order_on, split_lamps
 from shrm_cli.maps.base import REMEDY
 from shrm_cli.maps.info import probe_name
 from shrm_cli.maps.lamps.lobe import LobeTable, bytes_of_table, table_bytes
@@ -46,14 +46,6 @@ _ORDERS = 192, 8
 beyond is estimated."""
 _ACCURACY = 1e-3
 _LAMPS = "lamps"
-_LARGEST = 1.0
-"""The largest lamp in sr: a soft box of 60 x 55 degrees. As lights of engines such boxes would cast
-sharp shadows, but discs beside a map are as large as they are. In a dark studio of three boxes gold
-of roughness .25 has 26 % of wrong pixels in 14 MB, and brown rims, and 4 % in 3.8 MB beside them.
-"""
-_SHAPE = 64
-"""The degrees that tell whether lamps are like their discs. A strip of light all around a ceiling
-differs from three discs by three times its own energy, soft boxes and bulbs by half at most."""
 _HELD = 0, 32, 48, 64, 96, 128, 192
 """The last degrees that are tried of what discs change: none, some, and in the end all. Of soft
 boxes in GGX of roughness .3 discs change 7 % (RMS). With 64 degrees of that a map takes 1.1 MB,
@@ -159,12 +151,15 @@ def _transfer(brdf: Brdf) -> TransferFunctions:
 def split_of(probe: Probe) -> LampSplit:
     """Take the lamps out of a probe; once, where it is there for several maps.
 
-    Those stay that are nothing like discs.
+    Those stay that are nothing like discs. Large soft boxes are lamps, too: as lights of engines
+    they would cast sharp shadows, but discs beside a map are as large as they are. In a dark studio
+    of three boxes gold of roughness .25 has 26 % of wrong pixels in 14 MB, and brown rims, and 4 %
+    in 3.8 MB beside them. Light in more than 1.1 sr hardly stands out of the mean, which it raises.
     """
     kept = probe.kept if isinstance(probe, SharedProbe) else {}
     if _LAMPS not in kept:
-        found = split_lamps(probe, largest=_LARGEST)
-        of_discs = _are_like_discs(found.lamps)
+        found = split_lamps(probe, largest=4 * np.pi)
+        of_discs = _are_like_discs(found.lamps, order_on(found.grid))
         kept[_LAMPS] = replace(
             found, lamps=tuple(compress(found.lamps, of_discs)),
             fills=tuple(compress(found.fills, of_discs)),
@@ -174,14 +169,15 @@ def split_of(probe: Probe) -> LampSplit:
     return split
 
 
-def _are_like_discs(lamps: Sequence[Lamp]) -> list[bool]:
-    """Tell of each lamp whether its discs are nearer to it than darkness is.
+def _are_like_discs(lamps: Sequence[Lamp], order: int) -> list[bool]:
+    """Tell of each lamp whether its discs are nearer to it than darkness is, up to an order.
 
-    A ring of light is not like any few discs, which may give its irradiance.
+    A ring of light is not like any few discs, which may give its irradiance: a strip all around a
+    ceiling differs from four of them by more than its own energy, a long box by less.
     """
-    lit = zip(lamps, of_pixels(lamps, _SHAPE), strict=True)
+    lit = zip(lamps, of_pixels(lamps, order), strict=True)
     return [
-        bool(np.linalg.norm(own - disc_coefficients(lamp.discs, _SHAPE)) < np.linalg.norm(own))
+        bool(np.linalg.norm(own - disc_coefficients(lamp.discs, order)) < np.linalg.norm(own))
         for lamp, own in lit
     ]
 

@@ -21,9 +21,8 @@ _CLIPPED = 4.0
 _FAR_BELOW = 0.5
 """A channel whose maximum is below this part of the largest one is not clipped."""
 _OVER_MEAN = 4.0
-"""A plateau that is darker than the mean times this is no lamp."""
-_MOST = 0.2 * 4 * np.pi
-"""A larger plateau, in sr, is no clipped light, but a constant probe."""
+"""A plateau that is darker than the mean times this is no lamp. So is one of more than a quarter of
+the sphere, whose light alone makes the mean brighter."""
 _LARGE = 2 * np.pi * (1 - np.cos(np.radians(2.5)))
 """Suns and bulbs, with what cameras spread about them, are smaller than a disc of this radius:
 larger plateaus may be soft boxes. They have that many pixels, too, so that their rims tell."""
@@ -81,7 +80,7 @@ class Plateau:
         if self.high == end:
             where = f"in {self.area / (4 * np.pi):.2%} of the sphere"
             return f"{name} reaches {self.high:g}, the end of its integers, {where}"
-        is_plateau = self.area > self.between(_JUST_BELOW, 1).sum() and self.area < _MOST
+        is_plateau = self.area > self.between(_JUST_BELOW, 1).sum()
         if not is_plateau or self.high < _OVER_MEAN * mean or self._is_box(count):
             return ""
         return f"{count:.0f} pixels share the maximum {self.high:.6g} of {name}"

@@ -40,8 +40,8 @@ _GAIN = 1e-3
 """The part of the squared error that a step takes away at least, or it is the last one."""
 _SHIFT, _GROWTH = 2e-3, 5e-3
 """How far discs are moved for derivatives, in radii of the lamp, and widened, in parts of them."""
-_NEW = 0.05
-"""The part of a disc that others do not hold, in their measure, below which it is not added."""
+_RANK = 1e-6
+"""What others hold of a disc but for this part of it, in their measure, is one of them."""
 
 
 def fitted_discs(light: Light, amplitudes: Array, most: int) -> Iterator[tuple[Disc, ...]]:
@@ -156,7 +156,7 @@ class _Picture:
         new = lit.beside(own)
         sizes = np.linalg.norm(new, axis=0)
         gains = np.sum((new.T @ lit.left) ** 2, axis=1) / np.maximum(sizes, 1e-300) ** 2
-        gains[sizes < _NEW * np.linalg.norm(own, axis=0)] = 0
+        gains[sizes < _RANK * np.linalg.norm(own, axis=0)] = 0
         best = int(np.argmax(gains))
         return np.vstack([lit.shape, choices[best]]) if gains[best] > 0 else None
 
@@ -193,7 +193,7 @@ class _Picture:
     def _lit(self, shape: Array) -> _Lit:
         """Return discs with their best radiances."""
         columns = self._columns(shape)
-        radiances = np.linalg.lstsq(columns, self._target, rcond=1e-6)[0]
+        radiances = np.linalg.lstsq(columns, self._target, rcond=_RANK)[0]
         return _Lit(shape, columns, radiances, self._target - columns @ radiances)
 
     def _columns(self, shape: Array) -> Array:

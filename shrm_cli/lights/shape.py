@@ -16,7 +16,7 @@ from shrm_cli.arrays import Array
 from shrm_cli.brdf.transfer import TransferFunctions
 from shrm_cli.lights.fit import fitted_discs
 from shrm_cli.lights.lamp import Lamp, Light
-from shrm_cli.lights.split import LampSplit
+from shrm_cli.lights.split import MOST_OF_LAMP, LampSplit
 from shrm_cli.probe.coarse import fine_probe
 from shrm_cli.probe.disc import Disc, disc_coefficients, radius_of
 from shrm_cli.probe.lighting import Lighting, project
@@ -28,14 +28,10 @@ from shrm_cli.sphere.grid.latlong import AXES
 from shrm_cli.sphere.harmonics import degrees, order_of
 from shrm_cli.sphere.rotation import transform_coefficients
 
-MOST_OF_LAMP = 16
-"""The most discs of a lamp."""
 _LEFT = 1 / 3
 """The part of what a lamp's first discs change that others may leave. Those that leave more follow
 the pixels and not the lamp: of a round sun of 84 pixels sixteen leave .38, and five of them were
 three times as far from the sun itself as one."""
-MOST_DISCS = 64
-"""The most discs beside a map, which pictures and shaders integrate one by one."""
 
 
 @record(eq=False)
@@ -97,13 +93,12 @@ class Change:
         offers = [self._until(index, enough) for index in range(len(self._fits))]
         taken = [shapes[0] for shapes, _ in self._fits]
         while sum(each.error**2 for each in taken) > most**2:
-            room = MOST_DISCS - sum(each.count for each in taken)
             # Others that take no more discs count as if each took half of one.
             steps = [
                 ((now.error**2 - each.error**2) / max(each.count - now.count, 0.5), index, each)
                 for index, now in enumerate(taken)
                 for each in offers[index]
-                if each.error < now.error and each.count - now.count <= room
+                if each.error < now.error
             ]
             if not steps:
                 break

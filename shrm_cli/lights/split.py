@@ -37,8 +37,8 @@ from shrm_cli.sphere.harmonics import degrees, order_of, real_harmonics
 from shrm_cli.sphere.quadrature import spiral_directions
 from shrm_cli.vocabulary import LAMP_COUNT, LAMP_ERROR
 
-_MOST_DISCS = 16
-"""Discs of a lamp, at most."""
+MOST_OF_LAMP = 16
+"""The most discs of a lamp."""
 
 
 @record(eq=False)
@@ -277,7 +277,7 @@ def _fitted(candidates: list[_Candidate], most: float, radius: float | None) -> 
         worst = max(candidates, key=lambda each: irradiance_rms(each.wrong))
         before = len(worst.discs)
         is_forced = radius is not None and worst is candidates[0]
-        if not is_forced and before < _MOST_DISCS:
+        if not is_forced and before < MOST_OF_LAMP:
             worst.divide(before + 1, None)
         if len(worst.discs) == before:
             candidates = [each for each in candidates if each is not worst]

@@ -26,7 +26,7 @@ from shrm_cli.files.parts import sound_primaries
 from shrm_cli.records import record
 
 _MAGIC = (b"#?RADIANCE", b"#?RGBE")
-_LONGEST = 2**16
+LONGEST = 2**16
 """Bytes in which a header must end."""
 _XYZE = "32-bit_rle_xyze"
 Curve = Callable[[Array], Array]
@@ -69,7 +69,7 @@ def radiance_encoding(path: Path) -> Encoding | None:
     References: Ward, The RADIANCE Picture File Format; `GAMMA` is Walter's, of his rgbe.c.
     """
     with open(path, "rb") as stream:
-        text = stream.read(_LONGEST)
+        text = stream.read(LONGEST)
     if not text.startswith(_MAGIC):
         return None
     applied = [1.0, 1.0, 1.0]

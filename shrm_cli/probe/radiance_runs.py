@@ -14,10 +14,9 @@ from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import ProbeError
+from shrm_cli.probe.encoding import LONGEST
 from shrm_cli.records import record
 
-_LONGEST = 2**16
-"""Bytes in which a header must end."""
 _SCANLINES = 8, 2**15 - 1
 """Pixels of the shortest and longest rows that may have run lengths of the newer kind."""
 _MOST_MARKS = 4
@@ -37,7 +36,7 @@ class OldRuns:
     def of(cls, path: Path, width: int, height: int) -> "OldRuns | None":
         """Read a Radiance picture; None if all pixels are stored, or runs are of the newer kind."""
         with open(path, "rb") as stream:
-            head = stream.read(_LONGEST)
+            head = stream.read(LONGEST)
             end = head.find(b"\n\n") + 2
             start = head.find(b"\n", end) + 1
             first = head[start : start + 2]

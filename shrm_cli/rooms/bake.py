@@ -25,12 +25,6 @@ _OF_LAMP = 8
 """At least so many of each lamp."""
 IN_WALLS = 0.25
 """The share of directions in which a probe within a wall sees triangles from behind."""
-_SHARPNESS = 50
-"""The power of the cosine by which directions count for a texel of distances (Majercik et al.)."""
-_SLANT = 2.0
-"""The most by which the plane that a ray meets may be nearer or farther along a texel's middle."""
-_PLANE = 1.02
-"""The least ratio of the distance of what a ray meets to that of a plane whose surface ended."""
 _TOUCHING = 1e-5
 """Surfaces are no nearer than so much of a cell's diagonal, for probes that lie on them."""
 _PATCHES = 2.0
@@ -219,10 +213,10 @@ class _Texels:
         """Take the rays' `directions`, unit vectors of shape (d, 3)."""
         self.middles, self._rays = octahedral_directions(), directions
         cosines = self.middles @ directions.T
-        # The lobe's ends, a thousandth of it together, are left out.
-        self._of_texel = np.argsort(-cosines, axis=1)[:, : max(4, len(directions) // 12)]
-        weights = np.maximum(np.take_along_axis(cosines, self._of_texel, 1), 0) ** _SHARPNESS
-        self._weights = weights / weights.sum(axis=1, keepdims=True)
+        # Each texel has its share of the rays. Those of the lobe of Majercik et al., which are
+        # many times as many, told no more of what is hidden in a room of tilted boxes.
+        share = max(4, len(directions) // len(self.middles))
+        self._of_texel = np.argsort(-cosines, axis=1)[:, :share]
 
     def walls(self, distance: Array, normals: Array, longest: float) -> Array:
         """Return planes and how far rays miss them, shape (n, t, 4); see `ProbeGrid.walls`.
@@ -238,13 +232,12 @@ class _Texels:
         far = (distance[:, :count] >= longest)[..., None]
         found = np.zeros((len(distance), count, 4))
         found[..., :3] = np.where(far, self.middles / longest, all_planes[:, :count])
-        for texel, (rays, weights) in enumerate(zip(self._of_texel, self._weights, strict=True)):
-            middle, near = self.middles[texel], 1 / distance[:, count + rays]
+        for texel, (rays, middle) in enumerate(zip(self._of_texel, self.middles, strict=True)):
             own = found[:, texel, :3]
             # Along a texel's middle rays have planes of their own. Those in front of the texel's
             # do not count: where walls meet in a corner the plane that is nearest is right.
-            planes = np.clip(all_planes[:, count + rays] @ middle, near / _SLANT, near * _SLANT)
-            less = own @ middle - np.maximum(planes, 1 / longest).T
-            ends = own @ self._rays[rays].T > _PLANE * near
-            found[:, texel, 3] = (np.maximum(less.T, 0) ** 2 * ends) @ weights
+            planes = np.maximum(all_planes[:, count + rays] @ middle, 1 / longest)
+            less = np.maximum(own @ middle - planes.T, 0).T
+            ends = own @ self._rays[rays].T > 1 / distance[:, count + rays]
+            found[:, texel, 3] = (less**2 * ends).mean(axis=1)
         return found

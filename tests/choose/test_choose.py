@@ -19,6 +19,7 @@ from shrm_cli.maps.size import TRIED_SIZES
 from shrm_cli.maps.splitsum.split_sum import BrushedSplitSum
 from shrm_cli.plan import policy
 from shrm_cli.probe.lighting import Projection
+from shrm_cli.reference import Reference
 from tests.brute_force import unit
 
 LIMIT = 32_000_000
@@ -158,6 +159,12 @@ def test_arguments_make_what_is_offered():
                 np.hypot(made.info.predicted_error, made.info.filter_error), rel=0.01
             )
             assert made.cube_count == each.look_ups
+
+
+def test_the_truth_of_large_probes_is_near_that_of_all_pixels():
+    pixels = np.random.default_rng(1).random((512, 1024, 3)).astype(np.float32) ** 8
+    probe, brdf = shrm.Probe.from_array(pixels), parse_spec("ggx:roughness=0.2")
+    assert 0 < Truth(probe, brdf).errors(Reference(probe, brdf))[0] < 0.012
 
 
 @pytest.mark.proof

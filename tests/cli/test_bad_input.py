@@ -97,6 +97,7 @@ FILES = {
         "is no known layout",
         "put what is a part of a panorama into 64 x 32 pixels",
     ),
+    "two pixels off": (image(32, 66), "is no known layout", "panorama into 66 x 33 pixels"),
     "a pixel off": (image(31, 63), "is no known layout", "scale it to 62 x 31"),
     "zero size": (with_windows(0, 0), "copy or export it again"),
     "huge": (with_windows(*HUGE), "bad.exr"),

@@ -5,7 +5,7 @@ import pytest
 
 from shrm_cli.analysis.probe_statistics import probe_statistics
 from shrm_cli.files.png import encode_srgb, write_png
-from shrm_cli.lights.clipping import Plateau
+from shrm_cli.lights.clipping import Plateau, clipping
 from shrm_cli.lights.split import split_lamps
 from shrm_cli.probe.make import studio
 from shrm_cli.probe.open import open_probe
@@ -146,3 +146,40 @@ def test_blocks_of_rows_tell_what_the_whole_does():
     assert rows.suspicion("R", pixel) == whole.suspicion("R", pixel) != ""
     rims = [each.between(3 / 4, 1) for each in (rows, whole)]
     np.testing.assert_allclose(*rims, rtol=1e-9, atol=1e-15)
+
+
+def peak(rows=128):
+    """A peak that falls as a blur does, and is cut off by no more than the number of its pixels."""
+    x = np.linspace(-1.5, 1.5, rows)
+    return np.exp(-(x[:, None] ** 2) - x**2).ravel()
+
+
+def told_of(values, color=(1.0, 1.0, 1.0), area=1e-6):
+    return clipping(values.reshape(len(values), -1) * np.array(color), np.full(len(values), area))
+
+
+def test_peaks_are_flat_only_where_they_are_cut_off():
+    """A fortieth of a blurred sun is missing; or it has a hundred levels, as few as files have."""
+    assert "share the maximum 0.975" in told_of(np.minimum(peak(), 0.975))
+    assert told_of(np.round(peak(), 2)) == ""
+
+
+@pytest.mark.parametrize(("red", "is_clipped"), [(0.3, False), (0.7, True)])
+def test_channels_of_colored_light_are_cut_off_at_unlike_numbers(red, is_clipped):
+    """White balance moves them apart; much darker ones may be flat by themselves."""
+    light = np.stack([np.minimum(red / 0.7 * peak(), red), peak(), peak()], axis=1)
+    assert ("of R" in told_of(light)) == is_clipped
+
+
+def test_an_edge_that_resampling_left_is_hard():
+    """A box of 13 x 13 pixels, with values of every size in the pixels around it."""
+    values = np.concatenate([np.ones(169), (np.arange(56) + 0.5) / 56])
+    assert told_of(values, area=1e-4) == ""
+    assert "169 pixels share" in told_of(values, area=1e-5)  # a bulb is as small
+
+
+@pytest.mark.parametrize(("level", "is_clipped"), [(1.75, False), (3.0, True)])
+def test_what_is_hardly_brighter_than_the_mean_is_no_lamp(level, is_clipped):
+    image = np.minimum(LAMPS["a bare sun"], level)
+    assert 3 < level / image[..., 0].mean() < 6
+    assert (told(image) != "") == is_clipped

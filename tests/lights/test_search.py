@@ -70,3 +70,20 @@ def test_what_a_filter_spreads_of_a_point_is_of_the_lamp(columns, count):
 @pytest.mark.parametrize(("degrees", "count"), [(7.8, 1), (8.3, 0)])
 def test_lamps_are_discs_of_eight_degrees_at_most(degrees, count):
     assert len(regions(lit(1000, disc(degrees)))) == count
+
+
+def test_lamps_beside_each_other_are_two():
+    """With two dark pixels between them, along an axis of the little cubes that join pixels."""
+    image = lit(1000, (slice(95, 98), slice(188, 192)))
+    image[95:98, 194:198] = 1000
+    assert len(regions(image)) == 2
+
+
+@pytest.mark.parametrize(("brightness", "is_lamp"), [(5, True), (4, False)])
+def test_a_lamp_is_cut_out_of_a_glow_just_above_it(brightness, is_lamp):
+    """The glow of 4 is too large. What is a little brighter, about the lamp, is of the lamp."""
+    image = lit(1)
+    lamp, halo = disc(2), disc(4)
+    image[disc(12)], image[halo], image[lamp] = 4, brightness, 1000
+    (found,) = regions(image)
+    assert len(found.numbers) == (halo if is_lamp else lamp).sum()

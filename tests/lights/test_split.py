@@ -4,10 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy.special
 
 from shrm_cli.errors import ArgumentError
+from shrm_cli.lights.lamp import Light
 from shrm_cli.lights.pixels import SpherePixels
-from shrm_cli.lights.split import prove, split_lamps
+from shrm_cli.lights.split import fill_regions, order_on, prove, split_lamps
 from shrm_cli.probe import resample
 from shrm_cli.probe.disc import Disc
 from shrm_cli.probe.lighting import project
@@ -217,12 +219,51 @@ def test_dark_rims_do_not_stay():
     made = probe("latlong", (round_lamp(PLACES["generic"], 3.0), LIGHT))
     image = made.image()
     near = oracles.latlong_pixels(192, 96) @ PLACES["generic"]
-    ring = (near < np.cos(np.radians(4.2))) & (near > np.cos(np.radians(5.4)))
+    ring = (near < np.cos(np.radians(4.2))) & (near > np.cos(np.radians(6.6)))
     assert ring.sum() > 10
     image[ring] = 0
     split = split_lamps(Probe.from_array(image))
     np.testing.assert_allclose(split.residual, rooms.bare("latlong"), rtol=0, atol=0.1)
     assert split.residual.min() > 0
+
+
+def test_a_place_is_filled_by_what_is_near():
+    """At an edge of the light each side goes on, and a slope goes on across the lamp."""
+    axis, along = unit(0.3, 0.2, 0.7), unit(0.7, 0, -0.3)
+    directions = oracles.latlong_pixels(192, 96)
+    inside, x = directions @ axis > np.cos(np.radians(6)), directions @ along
+    pixels = SpherePixels(Probe.from_array(np.ones((96, 192))).grid)
+    for light, limit in ((np.where(x > 0, 10.0, 1.0), 0.8), (5 + 10 * x, 0.5)):
+        image = np.repeat(np.where(inside, 1000, light)[..., None], 3, axis=2)
+        (filled,) = fill_regions(image, pixels, [np.flatnonzero(inside)])
+        off = np.abs(filled.values[:, 0] - light.ravel()[filled.numbers])
+        at_edge = (light == 5 + 10 * x) | (np.abs(x) > np.sin(np.radians(6)))
+        assert off[at_edge.ravel()[filled.numbers]].max() < limit
+
+
+def test_dim_ends_are_of_a_lamp_and_glare_is_not():
+    """A tube of 20 degrees, of which a half has a third of the radiance, and a streak beyond."""
+    angles = np.radians(np.arange(-19.5, 20))
+    radiance = np.select([np.abs(angles) > np.radians(10), angles > 0], [0.2, 0.35], 1.0)
+    directions = np.stack([np.sin(angles), np.zeros(40), np.cos(angles)], axis=1)
+    light = Light(directions, np.repeat(radiance[:, None], 3, 1), np.full(40, np.radians(1) ** 2))
+    middle, axes, spans = light.shape()
+    assert np.degrees(spans[0]) == pytest.approx(20, rel=0.01)
+    np.testing.assert_allclose([middle[2], abs(axes[0, 0])], 1, atol=1e-3)
+
+
+def test_the_degrees_that_are_compared_hold_the_irradiance_of_a_point():
+    """But for 1e-5 of its square, for which half as many are too few."""
+
+    def beyond(order):
+        x, w = np.polynomial.legendre.leggauss(200)
+        x, w = (x + 1) / 2, w / 2  # from the horizon to the normal
+        factors = np.array([w @ (x * scipy.special.eval_legendre(n, x)) for n in range(order + 1)])
+        return 1 - 1.5 * ((2 * np.arange(order + 1) + 1) * factors**2).sum()
+
+    order = order_on(Probe.from_array(np.ones((128, 256))).grid)
+    assert beyond(order) < 1e-5 < beyond(order // 2)
+    assert order_on(Probe.from_array(np.ones((16, 32))).grid) == 15
 
 
 def test_a_plateau_is_suspected_to_be_clipped():

@@ -8,6 +8,8 @@ from shrm_cli.probe.coarse import fine_probe
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.open import open_probe
 from shrm_cli.probe.probe import Probe
+from tests import oracles
+from tests.brute_force import latlong_samples
 from tests.cli.helpers import write_exr
 
 
@@ -26,6 +28,16 @@ def test_balls_are_lit_up_to_their_rim(rng, size):
     own = used & in_disc
     np.testing.assert_array_equal(found[own], cut[own])
     assert 0.8 < own.sum() / used.sum() < 1
+
+
+def test_eight_rows_are_areas(rng):
+    """Against sums over parts of pixels: their middles alone err by a tenth."""
+    image = rng.random((8, 16, 3)).astype(np.float32) ** 4
+    parts = image.repeat(32, axis=0).repeat(32, axis=1).reshape(-1, 3)
+    directions, areas = latlong_samples(256)
+    expected = oracles.real_harmonics(2, directions).T @ (areas[:, None] * parts)
+    found = project(Probe.from_array(image), 2).coefficients
+    assert np.abs(found - expected).max() < 2e-3 * np.abs(expected[1:]).max()
 
 
 @pytest.fixture

@@ -196,6 +196,13 @@ def test_linear_dpx(tmp_path, steps):
     np.testing.assert_allclose(found, steps, atol=1e-5)
 
 
+def test_pixels_may_be_square_but_for_rounding(tmp_path, steps):
+    for aspect in (0.993, 1.007):
+        assert open_probe(scenes.write(tmp_path / "a.exr", steps, PixelAspectRatio=aspect))
+    with pytest.raises(ProbeError, match="not square"):
+        open_probe(scenes.write(tmp_path / "a.exr", steps, PixelAspectRatio=1.015))
+
+
 @pytest.mark.parametrize("suffix", ["exr", "tif", "hdr"])
 def test_pixels_that_are_not_square_need_a_layout(tmp_path, steps, suffix):
     if suffix == "hdr":

@@ -1,6 +1,7 @@
 """Small lamps near the poles of a lat-long: pixels count by their solid angles."""
 
 import json
+from itertools import product
 
 import numpy as np
 import pytest
@@ -45,15 +46,17 @@ def across_rows(height):
 
 
 @pytest.mark.parametrize("sampling", ["center", "border"])
-@pytest.mark.parametrize("height", [64, 256])
-@pytest.mark.parametrize("lamp", [one_pixel, the_last_rows, across_rows])
+@pytest.mark.parametrize(
+    ("lamp", "height"),
+    [(across_rows, 16), *product([one_pixel, the_last_rows, across_rows], [64, 256])],
+)
 def test_no_light_is_lost(lamp, height, sampling):
     """By the rule alone the first row would weigh .873 of its area, or .811 of it."""
     image = lamp(height)
     probe = Probe.from_array(image, "latlong", sampling=sampling)
     light = np.einsum("ijc,ij->c", image.astype(float), areas(height, sampling))
     found = project(probe, 8)
-    tolerance = 4e-3 if height < 100 else 1e-3
+    tolerance = 5e-5 if height < 100 else 1e-5
     np.testing.assert_allclose(found.coefficients[0] * np.sqrt(4 * np.pi), light, rtol=tolerance)
     squares = np.einsum("ijc,ij->c", image.astype(float) ** 2, areas(height, sampling))
     np.testing.assert_allclose(found.energy, squares, rtol=2 * tolerance)

@@ -175,6 +175,15 @@ def test_band_limited_light_is_projected_to_rounding(tmp_path, rng, height):
     np.testing.assert_allclose(found, expected, atol=20 * 2e-7)
 
 
+@pytest.mark.parametrize(("unknown", "order"), [(2.5e-7, 5), (4e-6, 1)])
+def test_light_of_few_degrees_is_known_to_all(unknown, order):
+    """Where no more than .1 % (RMS) is of others, which pixels would have to show."""
+    series = np.zeros((36, 3))
+    series[:4] = [[2.0], [1.0], [0.5], [0.3]]
+    energy = (series**2).sum(axis=0)
+    assert Lighting(series, energy * (1 + unknown)).resolved_order == order
+
+
 def test_power_and_energy(tmp_path, rng):
     """Against sums over degrees, and Parseval: all the energy of a band-limited image."""
     order = 6

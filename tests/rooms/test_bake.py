@@ -130,6 +130,16 @@ def test_probes_may_lie_on_surfaces():
     assert np.isfinite(grid.walls).all()
 
 
+@pytest.mark.parametrize(("turned", "is_alive"), [(1, True), (2, False)])
+def test_a_wall_that_is_turned_by_mistake_does_not_kill_probes(turned, is_alive):
+    """From the middle of a cube each side is a sixth of all directions; a third tells a wall."""
+    corners, faces, normals = shapes.box([0, 0, 0], [4, 4, 4])
+    normals[: 4 * turned] *= -1
+    room = shapes.room([(corners, faces, normals)], [[0.5] * 3], [[1] * 3])
+    grid = bake(room, Lattice(*room.mesh.bounds, (3, 3, 3)), 1, samples=256)
+    assert grid.alive.ravel()[13] == is_alive
+
+
 @pytest.mark.proof
 def test_light_does_not_leak_through_a_thin_wall(rng):
     """One room is dark: no point in it has a twentieth of the other room's light."""
