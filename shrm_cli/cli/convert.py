@@ -139,7 +139,7 @@ def convert(
     code = written.result.get("shader")
     if code is not None and not usage.wants_json():
         echo(code.rstrip("\n"))
-    conclude(written.result, [written.report], written.warnings, err=code is not None)
+    conclude(written.result, written.lines, written.warnings, err=code is not None)
 
 
 def _rules_of_source(is_map: bool) -> dict[str, usage.Applies]:
