@@ -14,16 +14,17 @@ import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import field
-from functools import reduce
+from functools import reduce, wraps
 from operator import add, mul
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import BrdfError
 from shrm_cli.records import record
+from shrm_cli.sphere.directions import as_vectors
 from shrm_cli.vocabulary import Center
 
 Color = tuple[float, float, float]
@@ -216,6 +217,8 @@ class Brdf(ABC):
             cls.name = cls.__name__.lower()
         if "summary" not in own and cls.__doc__:
             cls.summary = cls.__doc__.strip().partition("\n")[0]
+        if "evaluate" in own:
+            cls.evaluate = _of_vectors(own["evaluate"])  # type: ignore[method-assign]
 
     def __init__(self, **values: Value) -> None:
         known = {parameter.name: parameter for parameter in self.parameters}
@@ -248,6 +251,12 @@ class Brdf(ABC):
         ndarray, shape (..., 3)
             f_r (1/sr) for linear RGB, or rho_hat where `includes_cosine` is set. Grey models
             return a read-only broadcast view, of which functions here look at one channel only.
+
+        Raises
+        ------
+        ArgumentError
+            If light or view are no vectors, or cannot be broadcast to one shape. Subclasses need
+            not check it.
         """
 
     def transfer(self, light: Array, view: Array) -> Array:
@@ -256,6 +265,7 @@ class Brdf(ABC):
         It is 0 for light from below the surface, unless the BRDF has no horizon. Parameters and
         result are those of `evaluate`.
         """
+        light, view = as_vectors(light=light, view=view)
         value = self.evaluate(light, view)
         cosine = light[..., 2]
         if not self.includes_cosine:
@@ -340,6 +350,16 @@ class Brdf(ABC):
     def __repr__(self) -> str:
         inside = ",".join(f"{key}={value_text(value)}" for key, value in self.values.items())
         return f"{self.name}:{inside}" if inside else self.name
+
+
+def _of_vectors(evaluate: Callable[[Any, Array, Array], Array]) -> Callable[..., Array]:
+    """Return the method of a subclass, which gets vectors, whatever it is called with."""
+
+    @wraps(evaluate)
+    def checked(self: Brdf, light: ArrayLike, view: ArrayLike) -> Array:
+        return evaluate(self, *as_vectors(light=light, view=view))
+
+    return checked
 
 
 def value_text(value: object) -> str:

@@ -17,7 +17,7 @@ from shrm_cli.cli.contact import write_contacts
 from shrm_cli.cli.export import installed_engines, texel_options
 from shrm_cli.cli.farm import farm_options, named_parts, refuse_for_farms, write_farm_files
 from shrm_cli.cli.prefilter import MAKING_HEADINGS
-from shrm_cli.cli.terminal import echo, echo_message, progress_bar, tell, ticking
+from shrm_cli.cli.terminal import echo_lines, echo_message, progress_bar, tell, ticking
 from shrm_cli.cli.types import FILE, PATH, Named, flag, option, whole
 from shrm_cli.maps.options import counted
 from shrm_cli.maps.registry import installed_names
@@ -166,7 +166,7 @@ def batch(
     chunks = by_probe(found) if found else _without_jobs(entries, left_out)
     if left_out and not usage.is_quiet():
         others = f"{counted(len(set(left_out)), 'file')} that shrm made, or that hold no light"
-        echo(f"{others}, such as {left_out[0]}: left out of the patterns", err=True)
+        echo_lines([f"{others}, such as {left_out[0]}: left out of the patterns"], err=True)
     written = [commands, openjd] if commands or openjd else [collect, contact_page, log]
     check_others([each for each in written if each is not None and each != "-"], chunks)
     if commands or openjd:
@@ -315,7 +315,7 @@ def _run(
         _write_gathered(collect, terms.gathering, chunks, results)
         if not (usage.is_quiet() or usage.wants_json()):
             probes = counted(len(results), "probe")
-            echo(f"{messages.shown(collect)}: {terms.gathering.what} of {probes}")
+            echo_lines([f"{messages.shown(collect)}: {terms.gathering.what} of {probes}"])
     predictions = _predictions(chunks) if terms.only_looks else []
     if contact_page is not None:
         _show(chunks, totals, contact_page)
@@ -365,7 +365,8 @@ def _note(result: Result, log: Log | None, only_looks: bool, told: set[tuple[str
                 echo_message(f"Failed: {record['output']}: {usage.flags(error)}")
         elif only_looks and not usage.is_quiet():
             why = record.get("why", "there already")
-            echo(f"{record['status']:<8} {record['output']}  ({usage.flags(why)})", err=True)
+            line = f"{record['status']:<8} {record['output']}  ({usage.flags(why)})"
+            echo_lines([line], err=True)
     if result.error and not result.records:
         echo_message(f"Failed: {usage.flags(result.error)}")
         if log is not None:

@@ -156,7 +156,7 @@ def compare(
     # The first label is that of the baseline, which is the truth or the first map.
     labels = [_TRUTH, *_labels(maps)][-len(compared.names) - 1 :]
     how = "" if truth is None else f", {truth.statement}"
-    report = [_table(result, how, labels[1:], flips is not None)]
+    report = _table(result, how, labels[1:], flips is not None)
     if target is not None:
         shows = compared.comparison.baseline
         stops = shown_at(target, shows, asked=exposure)
@@ -283,7 +283,7 @@ def _flips(
         return compared.flips(bar), compared.warnings
 
 
-def _table(result: dict[str, Any], how: str, names: Sequence[str], flipped: bool) -> str:
+def _table(result: dict[str, Any], how: str, names: Sequence[str], flipped: bool) -> list[str]:
     """Return a table with rows for each view, and then for all views together.
 
     The name of a map comes last, because it may be long. FLIP has a column if it was measured.
@@ -298,7 +298,7 @@ def _table(result: dict[str, Any], how: str, names: Sequence[str], flipped: bool
         rows = [row[:column] + row[column + 1 :] for row in rows]
     of_probe = "" if result["probe"] is None else f" of {result['probe']}"
     title = f"compared with {result['baseline']}{of_probe}{how}"
-    return "\n".join([title, *columns(rows, left=(0, -1))])
+    return [title, *columns(rows, left=(0, -1))]
 
 
 def _cells(row: dict[str, Any]) -> list[str]:

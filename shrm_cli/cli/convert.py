@@ -115,7 +115,8 @@ def convert(
       shrm convert probe.splitsum.exr --to latlong --mips
     """
     is_plain = view is not None or mips
-    named = _plain_name(source, target, view) if is_plain else _default_name(source, target)
+    by = values.get("by")
+    named = _plain_name(source, target, view, by) if is_plain else _default_name(source, target)
     path = output or named
     reading = options.make_read_options(values)
     from_map = shrm.is_map(source)
@@ -140,7 +141,7 @@ def convert(
     code = written.result.get("shader")
     if code is not None and not usage.wants_json():
         echo(code.rstrip("\n"))
-    conclude(written.result, [written.report], written.warnings, err=code is not None)
+    conclude(written.result, written.lines, written.warnings, err=code is not None)
 
 
 def _rules_of_source(is_map: bool) -> dict[str, usage.Applies]:
@@ -200,9 +201,10 @@ def _plain_rules(target: str, is_map: bool, view: object, mips: bool) -> dict[st
     return rules
 
 
-def _plain_name(source: str, target: str, view: tuple[float, float] | None) -> str:
-    """Return the default name of a plain image."""
+def _plain_name(source: str, target: str, view: tuple[float, float] | None, by: str | None) -> str:
+    """Return the default name of a plain image, with the direction of its pixels, where given."""
     if view is None:
         return f"{map_stem(source)}.{target}.mips.exr"
     azimuth, elevation = view
-    return f"{map_stem(source)}.latlong.view{azimuth:g}_{elevation:g}.exr"
+    over = "" if by is None else f".{by}"
+    return f"{map_stem(source)}.latlong.view{azimuth:g}_{elevation:g}{over}.exr"

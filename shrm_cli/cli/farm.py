@@ -9,7 +9,7 @@ import click
 
 from shrm_cli.cli import usage
 from shrm_cli.cli.options import several
-from shrm_cli.cli.terminal import echo, echo_message
+from shrm_cli.cli.terminal import echo, echo_lines, echo_message
 from shrm_cli.cli.types import FILE, Parsed, option, whole
 from shrm_cli.messages import has_secret, shown
 
@@ -86,7 +86,7 @@ def write_farm_files(
     for path, text in texts.items():
         write_bytes(path, text.encode())
         told = f"{path}: {counted(parts, 'part')} of {counted(probes, 'probe')}"
-        echo(told, err=printed is not None)
+        echo_lines([told], err=printed is not None)
 
 
 def named_parts(

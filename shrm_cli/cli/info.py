@@ -38,6 +38,7 @@ def info(file: str, stats: bool, **reading: Any) -> None:
     width = max(len(key) for key in found.facts)
     lines = [file]
     for key, value in facts.items():
-        text = fact_text(value).replace("\n", "\n" + " " * (width + 4))
-        lines.append(f"  {key.replace('_', ' '):<{width}}  {text}")
+        first, *others = fact_text(value).split("\n")
+        lines.append(f"  {key.replace('_', ' '):<{width}}  {first}")
+        lines += [" " * (width + 4) + line for line in others]
     conclude({"file": file, **found.facts}, lines, found.warnings)

@@ -10,7 +10,7 @@ import click
 import shrm_cli as shrm
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.photo import ball, brackets, unclip, write_probe
-from shrm_cli.cli.terminal import announce, echo, progress_bar
+from shrm_cli.cli.terminal import announce, echo, echo_lines, progress_bar
 from shrm_cli.cli.types import (
     BOX,
     DIRECTION,
@@ -153,7 +153,7 @@ def _write(pixels: NDArray[np.float32], written: dict[str, Any], **parameters: o
     output = written["output"]
     pixel_type = write_image(output, pixels, written["precision"], attributes)
     if not usage.is_quiet():
-        echo(f"{output}: {width} x {height}, {pixel_type}")
+        echo_lines([f"{output}: {width} x {height}, {pixel_type}"])
 
 
 @click.command()

@@ -81,7 +81,7 @@ def print_representations(
         table = compare_representations(plan, progress)
     result = {"probe": path, **_facts(plan, table), "picture": output}
     warnings = source.warnings() + _doubts(plan, table)
-    report = [_report(table, path), *_left_out()]
+    report = [*_report(table, path), *_left_out()]
     if output is not None:
         shows = table.truth[:, 0]
         stops = shown_at(output, shows, asked=exposure)
@@ -171,7 +171,7 @@ def _pixel_facts(result: RepresentationResult) -> dict[str, Any]:
     return values
 
 
-def _report(table: RepresentationTable, path: str) -> str:
+def _report(table: RepresentationTable, path: str) -> list[str]:
     from shrm_cli.brdf.base import value_text
 
     roughness = [f"{each.number('roughness'):.3g}" for each in table.surfaces]
@@ -188,13 +188,12 @@ def _report(table: RepresentationTable, path: str) -> str:
     how = f"summed adaptively, 95 % within {max(stated):.2%}" if stated else "summed in full"
     every = [each.representation for each in table.results]
     named = listing([each.title for each in every if each.needs_brdf], "and")
-    lines = [
+    return [
         f"{path} on GGX of f0 {f0}: relative RMS error by roughness; the truth is {how}",
         *columns(rows),
         "p95: the 95th percentile of the relative error over all the pixels of the spheres.",
         f"{named} need a file for each roughness, all counted; the others serve all.",
     ]
-    return "\n".join(lines)
 
 
 def _share(error: float | None) -> str:

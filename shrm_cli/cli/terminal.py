@@ -63,6 +63,11 @@ def echo(text: str, err: bool = False) -> None:
     _write(_shortened(escaped(shown(text)), _MOST_RESULT), err)
 
 
+def echo_lines(lines: Sequence[str], err: bool = False) -> None:
+    """Print lines, in which names that hold line feeds break none."""
+    echo("\n".join(line.replace("\n", _escape("\n")) for line in lines), err)
+
+
 def echo_message(text: str) -> None:
     """Print an error or a warning to stderr, as one line of limited length."""
     line = _shortened(escaped(shown(" ".join(text.split()))), _MOST_WORD)
@@ -106,7 +111,7 @@ def tell(result: Any, lines: Sequence[str], err: bool = False) -> None:
     if usage.wants_json():
         echo_json(result)
     elif lines and not usage.is_quiet():
-        echo("\n".join(lines), err=err)
+        echo_lines(lines, err)
 
 
 def warn(lines: Sequence[str]) -> None:
@@ -118,7 +123,7 @@ def warn(lines: Sequence[str]) -> None:
 def announce(lines: Sequence[str]) -> None:
     """Say on a terminal, before long work begins, what it will be."""
     if not usage.is_quiet() and has_terminal():
-        echo("\n".join(lines), err=True)
+        echo_lines(lines, err=True)
 
 
 def columns(rows: Sequence[Sequence[str]], left: Collection[int] = (0,)) -> list[str]:

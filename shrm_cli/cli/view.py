@@ -9,7 +9,7 @@ import click
 import shrm_cli as shrm
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.shading import brush_option, brushed_options, surface_options, surface_rules
-from shrm_cli.cli.terminal import conclude, echo, progress_bar, warn
+from shrm_cli.cli.terminal import conclude, echo, echo_lines, progress_bar, warn
 from shrm_cli.cli.types import BYTES, DIRECTION, FILE, PATH, flag, option, whole
 from shrm_cli.maps.options import bytes_text
 
@@ -108,7 +108,7 @@ def view(
     if output is None:
         warn(warnings)
         for line in shown.told:
-            echo(line, err=True)
+            echo_lines([line], err=True)
         _serve(shown.scene, no_open)
         return
     text = shown.html().encode("utf-8")

@@ -41,7 +41,7 @@ class Written:
 
     result: dict[str, Any]
     """What is told of it in JSON."""
-    report: str
+    lines: list[str]
     """What is told of it in words."""
     warnings: list[str]
 
@@ -96,7 +96,7 @@ class ConvertedMap(Converted):
         return Written(result, _map_report(result), list(self.notes))
 
 
-def _map_report(result: dict[str, Any]) -> str:
+def _map_report(result: dict[str, Any]) -> list[str]:
     """Return lines about a map: what it is, and the errors that can be seen in it."""
     size, kind = result["size"], result["representation"]
     lines = [f"{result['file']}: {kind}, {result['precision']}"]
@@ -108,7 +108,7 @@ def _map_report(result: dict[str, Any]) -> str:
     for key, text in _ERRORS.items():
         if result[key] >= (5e-4 if key == "storage_error" else 5e-6):
             lines.append(f"  RMS error      {result[key]:.3%} {text}")
-    return "\n".join(lines)
+    return lines
 
 
 @record(eq=False)
@@ -147,7 +147,7 @@ class Layers(Converted):
             for name, (layers, height, width) in shapes.items()
         ]
         report = f"{path}: textures of {made.representation}, {' and '.join(texts)}, {pixels}"
-        return Written(result, report, notes)
+        return Written(result, [report], notes)
 
 
 @record(eq=False)
@@ -205,4 +205,4 @@ class ConvertedProbe(Converted):
             warnings.append(
                 f"{path}: no attribute tells of this; read it with `orientation` {self.orientation}"
             )
-        return Written(result, report, warnings)
+        return Written(result, [report], warnings)

@@ -64,7 +64,7 @@ class Seen(Converted):
             f"{path}: lat-long over the {what}, seen from {azimuth:g},{elevation:g}, "
             f"{2 * rows} x {rows}, {pixels}"
         )
-        return Written(result, report, [*self.warnings, *told, *self.notes])
+        return Written(result, [report], [*self.warnings, *told, *self.notes])
 
 
 def seen_from(
@@ -129,11 +129,11 @@ class Mips(Converted):
             "precision": pixels,
         }  # fmt: skip
         listed = ", ".join(f"{value:.3g}" for value in self.roughness)
-        report = (
-            f"{path}: {self.layout} in {len(levels)} mip levels from {width} x {height}, {pixels}\n"
-            f"  roughness      {listed}"
-        )
-        return Written(result, report, [*told, *self.notes])
+        lines = [
+            f"{path}: {self.layout} in {len(levels)} mip levels from {width} x {height}, {pixels}",
+            f"  roughness      {listed}",
+        ]
+        return Written(result, lines, [*told, *self.notes])
 
 
 def mips_of(

@@ -39,7 +39,7 @@ from shrm_cli.naming import probe_stem
 from shrm_cli.orders import Orders
 from shrm_cli.probe.disc import Disc
 from shrm_cli.probe.lighting import project
-from shrm_cli.probe.open import open_probe
+from shrm_cli.probe.open import as_probe
 from shrm_cli.probe.options import ReadOptions
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.proxy import ProxyBox
@@ -87,29 +87,27 @@ class Source:
                 f"{maps[-1][0]}: a second map of a kind; give one split sum and one irradiance map"
             )
         title = " and ".join(Path(path).name for path, _ in maps)
-        return cls(
-            name,
-            title,
-            split=split[0][1] if split else None,
-            irradiance=irradiance[0] if irradiance else None,
-            path=split[0][0] if split else "",
-        )
+        path, made = split[0] if split else ("", None)
+        diffuse = irradiance[0] if irradiance else None
+        return cls(name, title, split=made, irradiance=diffuse, path=path)
 
     @classmethod
     def open(
-        cls, paths: Sequence[str], name: str = "", reading: ReadOptions | None = None
+        cls, given: Sequence[str | Probe], name: str = "", reading: ReadOptions | None = None
     ) -> "Source":
         """Open a probe, or some maps.
 
-        `paths` are the file of one probe, or those of maps. `name` is what the names of the files
-        begin with; by default the name of the first file. `reading` is how a probe is read.
+        `given` are one probe or its file, or the files of maps. `name` is what the names of the
+        files begin with; by default the name of the first. `reading` is how a probe is read.
         """
+        paths = [each.name if isinstance(each, Probe) else each for each in given]
         name = name or probe_stem(paths[0])
-        if is_map(paths[0]):
+        if not isinstance(given[0], Probe) and is_map(paths[0]):
             note(*paths)
             return cls.of_maps(name, [(path, open_map(path)) for path in paths])
-        (path,) = paths
-        return cls(name, Path(path).name, open_probe(path, reading), path=path)
+        if len(given) > 1:
+            raise ArgumentError("sources", f"begin with a probe, {paths[0]}; export it alone")
+        return cls(name, Path(paths[0]).name, as_probe(given[0], reading), path=paths[0])
 
     def for_several(self) -> "Source":
         """Return the same source for several engines, which get the bytes that each gets alone.
@@ -230,7 +228,7 @@ class Asked:
 
 
 def export(
-    sources: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
+    sources: Probe | str | os.PathLike[str] | Sequence[Probe | str | os.PathLike[str]],
     engine: str,
     folder: str | os.PathLike[str] | None = None,
     *,
@@ -242,8 +240,8 @@ def export(
 
     Parameters
     ----------
-    sources : path-like or sequence of path-like
-        A light probe, or a split sum, an irradiance map, or both.
+    sources : Probe, path-like or sequence of path-like
+        A light probe, or the files of a split sum, an irradiance map, or both.
     engine : str
         One of `vocabulary.ENGINES`, or that of an installed package.
     folder : path-like, optional
@@ -270,7 +268,9 @@ def export(
     >>> any(file.name.endswith("_README.md") for file in made.files)
     True
     """
-    source = Source.open([os.fspath(each) for each in several(sources, "sources")], reading=reading)
+    given = several(sources, "sources")
+    given = [each if isinstance(each, Probe) else os.fspath(each) for each in given]
+    source = Source.open(given, reading=reading)
     made = packaged(source, engine_of(engine), asked or Asked(), progress)
     if folder is not None:
         write(made, Path(folder))

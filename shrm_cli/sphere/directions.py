@@ -13,16 +13,17 @@ _GRAZING = 1e-6
 """Length of R + V below which both are taken to be opposite."""
 
 
-def as_directions(**given: ArrayLike) -> list[Array]:
-    """Return vectors as floats of shape (..., 3), each as it was given.
+def as_vectors(**given: ArrayLike) -> list[Array]:
+    """Return vectors as floats of shape (..., 3), each in its precision, if it has one.
 
-    Raises an `ArgumentError`, which names the argument, for anything else, for vectors that cannot
-    be broadcast to one shape, and for those that point nowhere: of length 0, NaN or infinite.
+    Raises an `ArgumentError`, which names the argument, for anything else, and for vectors that
+    cannot be broadcast to one shape.
     """
     found: list[Array] = []
     for argument, vectors in given.items():
         try:
-            found.append(np.asarray(vectors, dtype=float))
+            array = np.asarray(vectors)
+            found.append(array if array.dtype.kind == "f" else array.astype(float))
         except (TypeError, ValueError):
             raise ArgumentError(argument, "are no numbers; give vectors, shape (..., 3)") from None
         shape = found[-1].shape
@@ -33,11 +34,21 @@ def as_directions(**given: ArrayLike) -> list[Array]:
         except ValueError:
             others = f"{next(iter(given))} of shape {found[0].shape}"
             raise ArgumentError(argument, f"of shape {shape} do not go with {others}") from None
+    return found
+
+
+def as_directions(**given: ArrayLike) -> list[Array]:
+    """Return vectors as `as_vectors` does, in double precision.
+
+    Raises an `ArgumentError` for those that point nowhere, too: of length 0, NaN or infinite.
+    """
+    found = [vectors.astype(float, copy=False) for vectors in as_vectors(**given)]
+    for argument, vectors in zip(given, found, strict=True):
         with np.errstate(over="ignore", under="ignore", invalid="ignore"):
-            squares = np.einsum("...i,...i->...", found[-1], found[-1])
+            squares = np.einsum("...i,...i->...", vectors, vectors)
         pointing = (squares > 0) & (squares < np.inf)
         if not pointing.all():
-            first = found[-1][~pointing][0].tolist()
+            first = vectors[~pointing][0].tolist()
             raise ArgumentError(argument, f"hold {first}, whose length is 0 or not finite")
     return found
 

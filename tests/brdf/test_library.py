@@ -11,7 +11,7 @@ import pytest
 from shrm_cli.brdf import models
 from shrm_cli.brdf.library import all_models, built_in_names, find_model, model_names
 from shrm_cli.brdf.spec import names_file, parse_spec
-from shrm_cli.errors import BrdfError
+from shrm_cli.errors import ArgumentError, BrdfError
 from tests.cli.helpers import done, environment, run, write_package
 
 VELVET = '''
@@ -48,6 +48,25 @@ def test_each_module_has_exactly_one_model_of_its_name(name):
     for key in ("name", "summary", "source", "parameters"):
         assert vars(model)[key], key
     assert model.__doc__
+
+
+@pytest.mark.parametrize("name", built_in_names())
+def test_models_are_evaluated_for_vectors_alone_of_any_kind(name):
+    brdf, up = find_model(name)(), [0, 0, 1]
+    for light, view, said in (
+        ("up", up, "`light` are no numbers"),
+        (np.ones((4, 2)), np.ones((4, 2)), "`light` of shape .4, 2. are no vectors"),
+        (np.ones((4, 3)), np.ones((5, 3)), "`view` of shape .5, 3. do not go with light"),
+    ):
+        with pytest.raises(ArgumentError, match=said):
+            brdf.evaluate(light, view)
+        with pytest.raises(ArgumentError, match=said):
+            brdf.transfer(light, view)
+    # Whole numbers once gave whole radiance, or another value than the same floats.
+    found = np.array(up, float)
+    assert brdf.evaluate(up, [up]).tolist() == [brdf.evaluate(found, found).tolist()]
+    assert brdf.transfer(up, [up]).tolist() == [brdf.transfer(found, found).tolist()]
+    assert brdf.evaluate(found.astype(np.float32), found.astype(np.float32)).dtype == np.float32
 
 
 def test_there_are_eighteen():

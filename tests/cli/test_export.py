@@ -173,8 +173,8 @@ def test_what_is_wrong_with_a_probe_is_said_once_for_all_engines(folder):
 
 
 def test_a_probe_is_read_once_for_all_engines(folder, monkeypatch):
-    opened, given = [], make.open_probe
-    monkeypatch.setattr(make, "open_probe", lambda *args: opened.append(args) or given(*args))
+    opened, given = [], make.as_probe
+    monkeypatch.setattr(make, "as_probe", lambda *args: opened.append(args) or given(*args))
     done("export", "sky.exr", "--for", "json", "--for", "godot", "--for", "usd")
     assert len(opened) == 1
 

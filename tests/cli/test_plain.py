@@ -109,7 +109,10 @@ def test_names_and_defaults(made, tmp_path, monkeypatch):
     before = path.read_bytes()
     done(*command)
     assert path.read_bytes() == before
-    assert_refused(run(*command, "--by", "normal"), 1, path.name, "--force")
+    assert_refused(run(*command, "--size", "64"), 1, path.name, "--force")
+    # The other meaning of a pixel, of the same view, has a name of its own.
+    assert "over the normal, seen from 30,-5" in done(*command, "--by", "normal")
+    assert (tmp_path / "m.shrm.latlong.view30_-5.normal.exr").exists()
     assert path.read_bytes() == before
 
 

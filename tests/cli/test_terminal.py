@@ -106,6 +106,22 @@ def test_names_of_channels(tmp_path):
     assert is_plain(result.err)
 
 
+def test_a_name_breaks_no_line(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_exr(tmp_path / "a\nb.exr", noise())
+    for arguments in (
+        ("prefilter", "a\nb.exr", "--to", "irradiance"),
+        ("convert", "a\nb.exr", "--to", "strip"),
+        ("info", "a\nb.exr"),
+        ("probe", "furnace", "--size", "8", "-o", "c\nd.exr"),
+    ):
+        result = run(*arguments)
+        assert result.code == 0
+        said = result.out + result.err
+        assert not [line for line in said.splitlines() if line.startswith(("b.", "d."))]
+        assert "\\x0a" in said
+
+
 @pytest.mark.parametrize("command", [("info",), ("prefilter", "--to", "irradiance")])
 @pytest.mark.parametrize("kind", [b"\xe6loat", b"\x9b31m", b"\xff\xfe"])
 def test_types_of_attributes_that_are_no_text(tmp_path, monkeypatch, command, kind):

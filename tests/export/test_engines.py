@@ -13,6 +13,7 @@ import OpenEXR
 import OpenImageIO as oiio
 import pytest
 
+import shrm_cli as shrm
 from shrm_cli.errors import ArgumentError, MapError, OutputError
 from shrm_cli.export import engine as engines
 from shrm_cli.export import ktx, make
@@ -461,3 +462,17 @@ def test_other_files_are_kept(probe, tmp_path):
         write(other, tmp_path)
     write(other, tmp_path, kept=False)
     assert latlong(tmp_path, "sky_panorama.exr").shape == (16, 32, 3)
+
+
+def test_the_library_takes_probes_as_it_takes_their_files(probe, tmp_path):
+    path = "probes/studio.exr"
+    shrm.export(shrm.open_probe(path), "json", tmp_path / "ours")
+    shrm.export(path, "json", tmp_path / "theirs")
+    ours, theirs = (sorted((tmp_path / each).iterdir()) for each in ("ours", "theirs"))
+    assert [(each.name, each.read_bytes()) for each in ours] == [
+        (each.name, each.read_bytes()) for each in theirs
+    ]
+    assert shrm.export([probe], "json").files[0].name.startswith("array")
+    for two in ([path, "probes/sky.exr"], [probe, path], [path, "light.irradiance.exr"]):
+        with pytest.raises(ArgumentError, match=r"begin with a probe, .+; export it alone"):
+            shrm.export(two, "json")

@@ -67,7 +67,8 @@ def check_varies(brdf: Brdf) -> None:
         if brdf.values[name] != usual[name]:
             level = perceptual_roughness(brdf)
             raise BrdfError(
-                f"{brdf!r}: all roughnesses are made; leave {name} out (of engines {level:.4g})"
+                f"{brdf!r}: all roughnesses are made; leave {name} out, and look them up at "
+                f"roughness {level:.4g}, as engines have it"
             )
 
 

@@ -238,7 +238,10 @@ def test_a_class_of_the_users_is_shown_where_it_was_made(tmp_path):
         ("phong", "no roughness"),
         ("lambertian", "no roughness"),
         ("0.5*charlie+0.5*lambertian", "no roughness"),
-        ("charlie:roughness=0.09", r"leave roughness out \(of engines 0.3\)"),
+        (
+            "charlie:roughness=0.09",
+            "leave roughness out, and look them up at roughness 0.3, as engines",
+        ),
         ("ggx:f0=gold", "shown with any f0"),
         ("ggx:f0=gold,film=300", "the same with a film and without"),
         ("ggx:ax=0.2,ay=0.1", "without `brdf`, and look it up with `anisotropy`"),
