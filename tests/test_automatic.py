@@ -566,7 +566,7 @@ def test_what_says_the_opposite_is_refused(probe, form, given):
 def test_who_asks_for_orders_at_a_terminal_hears_what_would_have_been_made(folder, probe, spec):
     asked = ["prefilter", "probe.exr", "--brdf", spec, "--order-f", "2", "--order-p", "0"]
     short = run(*asked, "-o", "a.exr").err
-    assert "--to auto, without --eps or orders, chooses the form that it needs" in short
+    assert "--to auto, without --eps, --error or orders, chooses the form that it needs" in short
     told = run(*asked, "-o", "b.exr", terminal=True).err
     (line,) = [each for each in told.splitlines() if "--to auto" in each]
     made = prefilter_with_facts(probe, "auto", {"brdf": spec})

@@ -145,7 +145,8 @@ def prefilter(
     if stored.pixel_type == "float" and (precision, made.map.natural_precision) == ("auto", "auto"):
         warnings.append(f"{target}: written as 32-bit float, for {_why_float(stored)}")
     # Whoever says what share may be wrong is told by the search where it is not kept.
-    is_judged = to == vocabulary.AUTO or request.seen is not None
+    is_chosen = to == vocabulary.AUTO and request.error is None
+    is_judged = is_chosen or request.seen is not None
     share = None if is_judged else summary.get("predicted_wrong_share")
     remarks = made.warnings if share is None else _remarks(made, share, request, source)
     warnings += [f"{target}: {line}" for line in remarks]
@@ -201,7 +202,7 @@ def _printed(made: shrm.Map, prints: Mapping[str, Any]) -> dict[str, str]:
 def _remarks(
     made: Prefiltered, share: float, request: Request, source: shrm.Probe
 ) -> Sequence[str]:
-    """Return warnings about a map of a form that was named, and what is wrong of its picture."""
+    """Return warnings about a map whose form or error was named, and what its picture is like."""
     from shrm_cli.maps.request import is_wrong_unsaid, with_wrong_share
     from shrm_cli.maps.size import total_error
 
@@ -220,7 +221,7 @@ def _made_by_default(request: Request, source: shrm.Probe) -> str:
     from shrm_cli.automatic import automatic_choice
     from shrm_cli.maps.request import Request
 
-    known = registry.description(vocabulary.AUTO).arguments
+    known = registry.description(vocabulary.AUTO).arguments - {"error"}
     asked = {name: value for name, value in request.given.items() if name in known}
     asked["brdf"] = request.brdf
     with progress_bar("looking at other forms") as progress, using(progress):

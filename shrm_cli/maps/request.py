@@ -249,7 +249,7 @@ def unkept_error(asked: float, error: float, max_size: int, remedy: str) -> str:
 
 
 def is_wrong_unsaid(lines: Sequence[str], share: float, error: float, asked: float | None) -> bool:
-    """Tell whether warnings leave out that the picture of a form is wrong that was named.
+    """Tell whether warnings leave out that a picture is wrong whose form or error was named.
 
     `share` is the share of wrong pixels, and `error` the relative RMS error, of which `asked` is
     what may be made, if it is asked for.
@@ -278,7 +278,7 @@ def with_wrong_share(
     chosen = "chooses the form that it needs" if instead is None else f"would make {instead}"
     said = (
         f"{percent(share)}% of the picture is predicted to be wrong by more than 5 %, its light by "
-        f"{error:.1%} (RMS); `to` auto, without `eps` or orders, {chosen}"
+        f"{error:.1%} (RMS); `to` auto, without `eps`, `error` or orders, {chosen}"
     )
     return [*(line for line in lines if not _is_of_light(line)), said]
 

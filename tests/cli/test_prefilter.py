@@ -343,7 +343,7 @@ def test_json_is_alone_on_stdout_with_stable_keys(folder):
     "asked",
     [
         ("--eps", "0.3"), ("--to", "shrm", "--max-size", "30kB"), ("--order-f", "2"),
-        ("--to", "cabral", "-o", NAME),
+        ("--to", "cabral", "-o", NAME), ("--error", ".8", "-o", NAME),
     ],
 )  # fmt: skip
 def test_one_line_says_how_wrong_the_picture_of_a_form_is_that_was_named(folder, asked):
@@ -355,7 +355,7 @@ def test_one_line_says_how_wrong_the_picture_of_a_form_is_that_was_named(folder,
     assert line.startswith(f"{NAME}: {100 * share:.2g}% {WRONG_PICTURE}")
     causes = [values[f"{cause}_error"] for cause in ("predicted", "added", "filter")]
     assert f"its light by {np.linalg.norm(causes):.1%} (RMS)" in line
-    assert "--to auto, without --eps or orders, chooses the form" in line
+    assert "--to auto, without --eps, --error or orders, chooses the form" in line
     assert f"Warning: {line}\n" in result.err
     quiet = run(*COMMAND[:4], *asked, "--quiet", "--force")
     assert (quiet.code, quiet.out, quiet.err) == (0, "", "")
