@@ -17,7 +17,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from shrm_cli.arrays import Array, Indices
+from shrm_cli.arrays import Array, Indices, relative_rms
 from shrm_cli.errors import MapError
 from shrm_cli.maps.info import MapInfo, check_names
 from shrm_cli.maps.kinds import CentralMap
@@ -295,4 +295,4 @@ class ExplicitMap(CentralMap):
         moments = second_moments(source)
         wrong = np.sum((error @ moments) * error)
         whole = np.sum((exact @ moments) * exact)
-        return float(np.sqrt(max(wrong, 0.0) / whole)) if whole > 0 else 0.0
+        return relative_rms(max(wrong, 0.0), whole)

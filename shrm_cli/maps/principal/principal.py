@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from shrm_cli.arrays import Array, slices
+from shrm_cli.arrays import Array, relative_rms, slices
 from shrm_cli.errors import MapError
 from shrm_cli.maps.base import REMEDY, Map
 from shrm_cli.maps.info import MapInfo
@@ -381,7 +381,7 @@ def _expanded(source: PrincipalMap, order_p: int) -> Shrm:
                 for degree in range(q, order_p + 1):
                     result[:, degree * (degree + 1) + sign] += plane * parts[degree]
         cube, first = cube + 2 * p + 1, first + p + 1
-    added = np.sqrt(lost / whole) if whole > 0 else 0.0
+    added = relative_rms(lost, whole)
     info = replace(source.info.adding(added), order_p=order_p)
     shaped = result.reshape(6 * source.size, source.size, -1, 3)
     return Shrm(shaped, "local", lobe.center, info, source.sampling)
