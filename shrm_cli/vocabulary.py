@@ -208,6 +208,11 @@ LIGHT_ENGINES = ("three", "filament", "bevy", "godot", "blender", "gltf")
 """The programs that `shrm sun` prints lines for."""
 DEFAULT_EPS = 0.03
 """The fraction of a BRDF's energy that a map may miss, where no other is asked for."""
+DEFAULT_ERROR = 0.05
+"""The relative RMS error of the reflected light, with bilinear look-ups and half precision, that a
+chosen form may have, where no other is asked for."""
+DEFAULT_SEEN = 0.05
+"""The share of what is visible whose luminance may be wrong by more than `WRONG` then."""
 DEFAULT_MAX_SIZE = 32 * 10**6
 """The most bytes that the cubes of a map take in half precision, where its orders are chosen."""
 DEFAULT_ROUGHNESS = 0.5

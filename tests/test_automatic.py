@@ -23,7 +23,7 @@ from shrm_cli.plan.search import Candidate, Goal
 from shrm_cli.prefilter import prefilter, prefilter_with_facts
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.shared import shared
-from shrm_cli.vocabulary import COARSE_ROWS
+from shrm_cli.vocabulary import COARSE_ROWS, DEFAULT_ERROR, DEFAULT_SEEN
 from tests import brute_force, oracles
 from tests.cli.helpers import done, polynomial_light, run, write_exr
 
@@ -94,10 +94,10 @@ def test_a_picture_is_right_by_default(pixels, probe):
     """The SHRM of the default tolerance has a tenth of its pixels wrong here."""
     rho_hat = brute_force.microfacet(0.4)
     map_ = prefilter(probe, MICROFACET)
-    assert stated_error(map_) <= policy.ERROR
+    assert stated_error(map_) <= DEFAULT_ERROR
     error, wrong, negative = measured(pixels, rho_hat, map_)
-    assert error < 1.1 * policy.ERROR
-    assert wrong < policy.WRONG_SHARE + 0.015  # of 1500 points
+    assert error < 1.1 * DEFAULT_ERROR
+    assert wrong < DEFAULT_SEEN + 0.015  # of 1500 points
     assert negative <= 0.002
     assert measured(pixels, rho_hat, prefilter(probe, MICROFACET, to="shrm"))[1] > 0.08
 
@@ -216,7 +216,7 @@ def test_lamps_go_beside_the_map_where_it_cannot_keep_them(bare_sun, spec):
     assert isinstance(apart.map, LampMap)
     assert not isinstance(kept.map, LampMap)
     assert (
-        np.hypot(stated_error(apart.map), apart.map.error) <= policy.ERROR < stated_error(kept.map)
+        np.hypot(stated_error(apart.map), apart.map.error) <= DEFAULT_ERROR < stated_error(kept.map)
     )
     assert texels(apart.map) < texels(kept.map) / 10
     why = dict(apart.notes)["form"]
@@ -239,9 +239,9 @@ def test_what_is_left_beside_lamps_may_miss_as_much_of_all_light():
     asked = {"brdf": spec, "max_size": "300kB"}
     found, by_hand = (made(probe, **asked, **more) for more in ({}, {"sun": "split"}))
     own = made(split_lamps(probe).residual_probe, **asked, sun="keep")
-    assert stated_error(found.map) <= policy.ERROR < stated_error(found.map) / found.map.left
-    assert stated_error(own.map) <= policy.ERROR
-    assert found.further["predicted_wrong_share"]() <= policy.WRONG_SHARE
+    assert stated_error(found.map) <= DEFAULT_ERROR < stated_error(found.map) / found.map.left
+    assert stated_error(own.map) <= DEFAULT_ERROR
+    assert found.further["predicted_wrong_share"]() <= DEFAULT_SEEN
     assert texels(found.map) == texels(by_hand.map) < texels(own.map) / 20
 
 
@@ -465,7 +465,7 @@ def test_nothing_is_found_out_twice(probe, monkeypatch):
     found = made(probe, brdf=SKIN)
     judged = len(wrong)
     assert found.map.representation == "principal"
-    assert found.summary()["predicted_wrong_share"] <= policy.WRONG_SHARE
+    assert found.summary()["predicted_wrong_share"] <= DEFAULT_SEEN
     assert (len(dark), len(wrong), len(expanded)) == (1, judged, 1)
 
 

@@ -52,7 +52,7 @@ from shrm_cli.reference import Reference
 from shrm_cli.render.seen import seen_errors
 from shrm_cli.render.sphere import Reflecting
 from shrm_cli.sphere.directions import bisector
-from shrm_cli.vocabulary import AUTO, DEFAULT_MAX_SIZE
+from shrm_cli.vocabulary import AUTO, DEFAULT_ERROR, DEFAULT_MAX_SIZE, DEFAULT_SEEN
 
 ASKED = Request("principal", error=policy.LEAST_ERROR)
 """What all maps are proposed for: the BRDF is sampled once, as far as the best of them need it."""
@@ -256,8 +256,8 @@ def choose(
     probe: AnyProbe,
     brdfs: Sequence[AnyBrdf] | AnyBrdf,
     budget: int | str | None = None,
-    error: float = policy.ERROR,
-    seen: float = policy.WRONG_SHARE,
+    error: float = DEFAULT_ERROR,
+    seen: float = DEFAULT_SEEN,
     progress: Progress | None = None,
 ) -> tuple[Choice, ...]:
     """Say which form of a map to ship for a probe and each of some materials.

@@ -13,7 +13,7 @@ from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import announce, conclude, progress_bar
 from shrm_cli.cli.types import BOX, COUNTS, PATH, option, whole
 from shrm_cli.files.whole import exists_error, keeping
-from shrm_cli.vocabulary import MAX_GRID_ORDER, MAX_SAMPLES
+from shrm_cli.vocabulary import DEFAULT_ERROR, MAX_GRID_ORDER, MAX_SAMPLES
 
 if TYPE_CHECKING:
     from shrm_cli.rooms.make import RoomPlan
@@ -128,8 +128,6 @@ def _target(source: str, output: str | None) -> tuple[str, str]:
 
 def _lines(said: dict[str, Any], suffix: str, has_all_light: bool) -> list[str]:
     """Return what is known of the errors of a grid that was baked, a line each."""
-    from shrm_cli.plan.policy import ERROR
-
     if "error" not in said:
         return []
     without, reflected = said.get("error_coefficients", said["error"]), said["error_reflected"]
@@ -140,12 +138,12 @@ def _lines(said: dict[str, Any], suffix: str, has_all_light: bool) -> list[str]:
         f"  in engines, which do not know the lamps, it is {without:.1%} off, and {reflected:.1%} "
         "without what comes straight from lamps"
     )
-    if suffix != ".npz" and has_all_light and without > max(ERROR, 2 * reflected):
+    if suffix != ".npz" and has_all_light and without > max(DEFAULT_ERROR, 2 * reflected):
         lines.append(
             "  what comes straight from lamps changes faster than the probes lie; leave it to "
             "lights of the engine (--light reflected)"
         )
-    if reflected > ERROR:
+    if reflected > DEFAULT_ERROR:
         twice = ",".join(str(2 * each) for each in said["shape"])
         lines.append(
             f"  light of surfaces and of the sky, too, changes faster than the probes lie; --size "

@@ -39,7 +39,7 @@ from shrm_cli.progress import using
 from shrm_cli.records import once_each, record
 from shrm_cli.reference import Reference
 from shrm_cli.reflected import reflected_rms
-from shrm_cli.vocabulary import LUMINANCE
+from shrm_cli.vocabulary import DEFAULT_ERROR, LUMINANCE
 
 _ORDERS = 192, 8
 """The degrees and azimuthal orders of a BRDF that tell how much light lamps reflect. What lies
@@ -338,7 +338,7 @@ def with_lamps(made: Prefiltered, beside: Beside) -> Prefiltered:
     if split.left:
         stay = "lamp stays" if split.left == 1 else "lamps stay"
         told.append(f"{split.left} more {stay} in the map")
-    if beside.error > policy.ERROR:
+    if beside.error > DEFAULT_ERROR:
         told.append(
             f"lamps beside the map change {beside.error:.1%} (RMS) of the reflected light: they "
             "are no discs, or the table of the BRDF is coarse for so sharp a lobe"

@@ -29,7 +29,9 @@ from shrm_cli.sphere.directions import bisector
 from shrm_cli.vocabulary import (
     AUTO,
     DEFAULT_EPS,
+    DEFAULT_ERROR,
     DEFAULT_MAX_SIZE,
+    DEFAULT_SEEN,
     EXPANDED,
     LUMINANCE,
     NEGATIVE_SHARE,
@@ -151,9 +153,7 @@ def _default_goal(to: str, given: Iterable[str]) -> dict[str, float]:
     instead = registry.description(to).instead_of_seen
     if instead is None or instead & set(given):
         return {}
-    from shrm_cli.plan.policy import WRONG_SHARE  # plain runs search nothing
-
-    return {"seen": WRONG_SHARE}
+    return {"seen": DEFAULT_SEEN}
 
 
 def _listed(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -254,10 +254,8 @@ def is_wrong_unsaid(lines: Sequence[str], share: float, error: float, asked: flo
     `share` is the share of wrong pixels, and `error` the relative RMS error, of which `asked` is
     what may be made, if it is asked for.
     """
-    from shrm_cli.plan.policy import ERROR, WRONG_SHARE  # plain runs search nothing
-
-    is_dull = asked is None and error > ERROR and not any(map(_is_of_light, lines))
-    return share > WRONG_SHARE or is_dull
+    is_dull = asked is None and error > DEFAULT_ERROR and not any(map(_is_of_light, lines))
+    return share > DEFAULT_SEEN or is_dull
 
 
 def _is_of_light(line: str) -> bool:

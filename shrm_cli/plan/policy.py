@@ -3,13 +3,6 @@
 A threshold that no test notices when it is changed does not belong here.
 """
 
-# ---- what is asked of a picture, where nobody asks for anything else -----------------------------
-
-ERROR = 0.05
-"""The relative RMS error of the reflected light, bilinear look-ups and half precision included."""
-WRONG_SHARE = 0.05
-"""The share of what is visible whose luminance is wrong by more than `vocabulary.WRONG`."""
-
 TRIED_DARK = 3
 """How many maps are made, each with less error than the one before, because something visible is
 negative in the last. Where a third one is dark, too, so is one of 32 MB: a lamp in a sharp lobe."""

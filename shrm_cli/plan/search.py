@@ -17,6 +17,7 @@ from typing import Any, Generic, Protocol, TypeVar
 from shrm_cli.messages import percent
 from shrm_cli.plan import policy
 from shrm_cli.records import record
+from shrm_cli.vocabulary import DEFAULT_ERROR, DEFAULT_SEEN
 
 
 class Sized(Protocol):
@@ -148,9 +149,9 @@ def least_errors(rows: Iterable[Row[C]]) -> list[C]:
 class Goal:
     """What the picture made with a map has to keep."""
 
-    error: float = policy.ERROR
+    error: float = DEFAULT_ERROR
     """The relative RMS error of the reflected light."""
-    wrong_share: float | None = policy.WRONG_SHARE
+    wrong_share: float | None = DEFAULT_SEEN
     """The share of what is visible whose luminance may be wrong by more than 5 %; None where only
     the error counts."""
 
@@ -163,7 +164,7 @@ class Goal:
         if error is not None and seen is None:
             return cls(error, None)
         return cls(
-            policy.ERROR if error is None else error, policy.WRONG_SHARE if seen is None else seen
+            DEFAULT_ERROR if error is None else error, DEFAULT_SEEN if seen is None else seen
         )
 
     def halved(self) -> "Goal":

@@ -9,9 +9,8 @@ from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps import registry
 from shrm_cli.maps.request import Request, recorded_defaults
-from shrm_cli.plan import policy
 from shrm_cli.probe.probe import Probe
-from shrm_cli.vocabulary import AUTO, REPRESENTATIONS
+from shrm_cli.vocabulary import AUTO, DEFAULT_SEEN, REPRESENTATIONS
 
 SPEC = "ggx:roughness=0.5"
 GIVEN = {
@@ -79,8 +78,8 @@ def test_an_error_is_asked_for_instead_of_eps(probe):
 
 def test_principal_maps_are_made_by_what_is_seen_unless_told_otherwise(probe):
     by_default = asked("principal", {"center": "auto"}, probe)
-    assert by_default.seen == policy.WRONG_SHARE
-    assert by_default.record(probe)["seen"] == policy.WRONG_SHARE
+    assert by_default.seen == DEFAULT_SEEN
+    assert by_default.record(probe)["seen"] == DEFAULT_SEEN
     assert "eps" not in by_default.record(probe)
     for given in ({"eps": 0.1}, {"maps": 3}, {"error": 0.1}):
         assert asked("principal", given, probe).seen is None

@@ -22,6 +22,7 @@ from shrm_cli.plan.search import (
     least_wrong,
     rising,
 )
+from shrm_cli.vocabulary import DEFAULT_ERROR, DEFAULT_SEEN
 
 
 @dataclass(frozen=True)
@@ -400,9 +401,9 @@ def test_where_none_is_good_the_least_wrong_is_taken(wrong, errors, expected):
 
 
 def test_goals():
-    assert Goal.of(None, None) == Goal(policy.ERROR, policy.WRONG_SHARE)
+    assert Goal.of(None, None) == Goal(DEFAULT_ERROR, DEFAULT_SEEN)
     assert Goal.of(0.2, None) == Goal(0.2, None)  # whoever asks for an error alone means it
-    assert Goal.of(None, 0.1) == Goal(policy.ERROR, 0.1)
+    assert Goal.of(None, 0.1) == Goal(DEFAULT_ERROR, 0.1)
     assert Goal.of(0.2, 0.1) == Goal(0.2, 0.1)
 
 

@@ -15,10 +15,10 @@ from shrm_cli.maps.request import (
     unkept_error,
     wrong_light,
 )
-from shrm_cli.plan import policy
 from shrm_cli.plan.search import ROUNDING, Goal, rising
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
+from shrm_cli.vocabulary import DEFAULT_ERROR
 
 _ANY_SIZE = 2**32
 """More bytes than maps may have."""
@@ -52,7 +52,7 @@ def _unmet(proposals: Proposals, proposal: Proposal, request: Request) -> str | 
         if total <= error * ROUNDING:
             return None
         return unkept_error(error, total, request.allowed, _sufficient(proposals, error))
-    if total <= policy.ERROR or proposal.is_met:
+    if total <= DEFAULT_ERROR or proposal.is_met:
         return None
     before = f"{bytes_text(request.allowed)} before packing"
     why = f"bilinear look-ups included: {before} hold too little of it"

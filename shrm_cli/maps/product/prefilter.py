@@ -20,12 +20,11 @@ from shrm_cli.maps.product.window import even_views
 from shrm_cli.maps.request import Prefiltered, Request, wrong_light
 from shrm_cli.maps.size import MAX_VALUES
 from shrm_cli.orders import Orders
-from shrm_cli.plan import policy
 from shrm_cli.probe.lighting import Lighting, project
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Stages, current, using
 from shrm_cli.sphere.harmonics import by_degree
-from shrm_cli.vocabulary import DEFAULT_PRODUCT_SIZE, MAX_PRODUCT_ORDER
+from shrm_cli.vocabulary import DEFAULT_ERROR, DEFAULT_PRODUCT_SIZE, MAX_PRODUCT_ORDER
 
 _KNOWN_ORDER = 16
 """The degree to which the product functions of some views are known, for errors."""
@@ -156,7 +155,7 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
     told = {**facts, "window": {"asked": window, **shape.summary(order)}}
     # Whoever asks for an error is told by the search where it is not kept.
     error = math.hypot(info.predicted_error, info.added_error)
-    if "error" in request.given or error <= policy.ERROR:
+    if "error" in request.given or error <= DEFAULT_ERROR:
         return Prefiltered(lit, told)
     remedy = "take `to` auto" if order == MAX_PRODUCT_ORDER else "raise `order`, or take `to` auto"
     line = wrong_light(error, f"for order {order} shows nothing sharper", remedy)

@@ -32,7 +32,7 @@ from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import tell_time_left
 from shrm_cli.records import record
-from shrm_cli.vocabulary import DEFAULT_MAX_SIZE, MAX_ORDER_P, MIN_CUBE_SIZE, Frame
+from shrm_cli.vocabulary import DEFAULT_ERROR, DEFAULT_MAX_SIZE, MAX_ORDER_P, MIN_CUBE_SIZE, Frame
 
 
 @record
@@ -127,9 +127,8 @@ def shortfall(chosen: Chosen, max_size: int, error: float, form: Form = SHRM_FOR
     brdf, kept, coefficients = chosen.brdf, chosen.orders, chosen.coefficients
     if chosen.is_met:
         return None
-    from shrm_cli.plan import policy  # most maps have nothing to be told of
 
-    if error <= policy.ERROR:
+    if error <= DEFAULT_ERROR:
         return None
     wanted = least_orders(coefficients, kept.eps)
     is_known = wanted.captured >= 1 - kept.eps
@@ -175,12 +174,11 @@ def order_warnings(made: Prefiltered, request: Request) -> tuple[str, ...]:
     """Return a line for each way in which given orders fall short of what was asked for."""
     if request.is_free:
         return ()
-    from shrm_cli.plan import policy  # most orders are chosen
 
     info, brdf, lines = made.map.info, request.brdf, []
     if request.order_p is not None and request.order_p > info.order_p:
         lines.append(f"{brdf.name} does not depend on the view, so P = 0 only")
-    if info.captured < 1 - request.eps and info.predicted_error > policy.ERROR:
+    if info.captured < 1 - request.eps and info.predicted_error > DEFAULT_ERROR:
         why = f"for F = {info.order_f} and P = {info.order_p} are too few orders of {brdf!r}"
         lines.append(wrong_light(info.predicted_error, why, "leave them to `eps`"))
     return tuple(lines)
