@@ -101,7 +101,8 @@ class Proposal:
 
     def make(self, warnings: Sequence[str] = ()) -> Prefiltered:
         """Make the map, with remarks about the BRDF's sampling before other warnings."""
-        remarks = filter(None, (term.planner.spectrum.transfer.remark for term in self.terms))
+        said = (term.planner.spectrum.transfer.remark for term in self.terms)
+        remarks = [f"the BRDF is {each}" for each in said if each is not None]
         facts, further = {"error_bound": None}, {"predicted_wrong_share": self.wrong_share}
         return Prefiltered(self._map(), facts, self.notes, (*remarks, *warnings), further)
 
