@@ -341,7 +341,7 @@ def predicted_wrong_share(terms: Sequence[Term], made: PrincipalMap | None = Non
     """
     lighting = max((planner.lighting for planner, _ in terms), key=lambda each: each.order)
     held = [_held(*term) for term in terms]
-    lobes = [_missed(term.planner, each) for term, each in zip(terms, held, strict=True)]
+    lobes = [_missed(planner, each) for (planner, _), each in zip(terms, held, strict=True)]
     look_ups = None if made is None else LookUps(held, made.brushed_radiance)
     return wrong_share(lighting, lobes, look_ups)
 
