@@ -106,7 +106,11 @@ def named_parts(
             f"Warning: {shown(name)}: it will hold this part alone, and each part writes it anew; "
             "gather without --share, or name one for each part"
         )
-    return [chunk for chunk in chunks if first <= part_of(chunk.probe, count) <= last]
+    own = [chunk for chunk in chunks if first <= part_of(chunk.probe, count) <= last]
+    if not own and not usage.is_quiet():
+        part = first if first == last else f"{first}-{last}"
+        echo_lines([f"part {part} of {count} has none of {len(chunks)} probes"], err=True)
+    return own
 
 
 def _without_own(words: Sequence[str]) -> list[str]:

@@ -177,6 +177,14 @@ def test_what_holds_all_probes_holds_one_part_with_shares(folder, here):
     assert "part alone" not in run(*line, "--share", "1-3/3").err + run(*line).err
 
 
+def test_a_share_of_no_probes_says_so(folder, here):
+    line = (*IRRADIANCE, "--jobs", "1", "--dry-run", "--share")
+    shares = [run(*line, f"{k}/7").err for k in range(1, 8)]
+    empty = [each for each in shares if "has none of 5 probes" in each]
+    assert len(empty) >= 2
+    assert all("out/p" in each for each in shares if each not in empty)
+
+
 def test_shares_are_all_of_a_batch(folder, here):
     found = []
     for share in ("1/3", "2-3/3"):
