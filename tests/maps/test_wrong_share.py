@@ -172,7 +172,7 @@ def test_unknown_azimuthal_orders_are_an_error():
     def energy(lobes):
         return np.einsum("q,l,qlvc->v", signs, power.sum(axis=1), lobes**2)
 
-    beyond, known = np.zeros(33), energy(whole) @ shares
+    beyond, known = np.zeros(35), energy(whole) @ shares
     for before in (0 * whole, 0.1 * whole):
         ended = Lobes(whole, before).ended(beyond, power, 0.01)
         np.testing.assert_array_equal(ended.whole, whole)
@@ -182,9 +182,20 @@ def test_unknown_azimuthal_orders_are_an_error():
         np.testing.assert_array_equal(Lobes(whole, before).ended(beyond, power).error, before)
 
 
+@pytest.mark.parametrize(("known", "fades"), [(33, True), (34, True), (35, False), (64, False)])
+def test_lobes_fade_out_where_the_light_goes_on_beyond_them(known, fades):
+    """What is cut off at the last known degree rings, and not where nothing more is visible."""
+    whole = np.ones((1, 33, 24, 1))
+    ended = Lobes(whole, whole / 2).ended(np.zeros(known), np.ones((64, 3)))
+    np.testing.assert_array_equal(ended.error, ended.whole / 2)
+    np.testing.assert_array_equal(ended.whole[:, :25], 1)
+    assert (ended.whole[0, -1, 0, 0] < 0.05) == fades
+    assert np.all(np.diff(ended.whole[0, 24:, 0, 0]) < 0) == fades
+
+
 def test_degrees_without_the_last_azimuthal_orders_have_none_that_are_unknown():
     """Of smooth light few degrees are seen, and all orders of these are known."""
-    whole, beyond = np.zeros((7, 6, 24, 1)), np.zeros(6)
+    whole, beyond = np.zeros((7, 6, 24, 1)), np.zeros(8)
     whole[:5, :5] = 1
     ended = Lobes(whole, 0.1 * whole).ended(beyond, np.ones((6, 3)), 0.01)
     np.testing.assert_array_equal(ended.error, 0.1 * whole)
