@@ -43,8 +43,9 @@ _LIGHT_BYTES = 2**27
 _FADING = 0.25
 """The part of the known degrees that fades out where the light goes on beyond them. A principal map
 of 1 MB of `ward:ax=0.2,ay=0.2` has 10.0 % wrong pixels under a sunrise. 12.6 % were predicted where
-degrees ended at once, and 9.2 % with this part, or with a half. Rings count even where little light
-is beyond: in dark places of the same sunrise they made 12.9 % of 7.5 % (`microfacet:sigma=0.2`)."""
+degrees ended at once, and 9.2 % with this part, or with a half. Rings count in dark places even
+where little light is beyond: of `microfacet:sigma=0.2` 7.5 % of the pixels are wrong under the same
+sunrise, and 12.9 % were predicted with rings."""
 _BLURRED = 10.0
 """The exponent at the end of a Gaussian over degrees. With 4 rings are seen; with 10 it
 blurs by 1.3 degrees (standard deviation) where the last one is 192."""

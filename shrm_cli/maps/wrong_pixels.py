@@ -37,7 +37,7 @@ class LookUps:
     radiance: Callable[[Array, Array, Array], Array]
     """Takes normals, tangents and views; returns what the map shows, shape (..., 3)."""
 
-    def lost(self, lighting: Lighting) -> "Lost":
+    def lost(self, lighting: Lighting) -> Lost:
         """Return what look-ups lose of the luminance at points, as lobes tell it."""
         held, _ = lit(lighting.coefficients * LUMINANCE, together(self.held))
 
