@@ -49,6 +49,14 @@ class LookUps:
         return lost_at
 
 
+def are_look_ups_seen(error: float, filter_error: float) -> bool:
+    """Tell whether look-ups make pixels wrong that are not wrong already.
+
+    `error` and `filter_error` are the relative RMS errors of what a map misses, and of look-ups.
+    """
+    return filter_error > _LOOKED_UP * error
+
+
 def wrong_share(
     lighting: Lighting, lobes: Sequence[Lobes], look_ups: LookUps | None = None
 ) -> float:
@@ -217,6 +225,8 @@ def beside_lamps(lamps: LampsBeside | None) -> Iterator[None]:
         lamps_beside.reset(token)
 
 
+_LOOKED_UP = 0.5
+"""The error of look-ups, in units of that of functions and orders, from which it shows."""
 _POINTS_BESIDE = 3840
 """The number of points at which lamps are integrated, and look-ups made, on all surfaces together,
 as long as all points count alike."""

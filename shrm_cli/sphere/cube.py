@@ -158,15 +158,13 @@ class CubeSampler:
         for face, (right, down, forward) in enumerate(face_axes()):
             outside = forward + s[:, None] * right + t[:, None] * down
             padded[face, rows, columns] = self._on_faces(faces, outside)
-        # Each channel lies by itself in memory, so that no loop runs over three values.
-        planes = np.moveaxis(padded, -1, 0)
-        self._planes = np.ascontiguousarray(planes).reshape(len(planes), -1)
+        self._texels = padded.reshape(-1, padded.shape[-1])
 
     def __call__(self, directions: ArrayLike) -> Array:
         """Values at directions of any length, shape (..., 3): (..., channels)."""
         face, s, t = cube_coordinates(directions)
-        channels = len(self._planes)
-        result: Array = np.empty((face.size, channels), dtype=self._planes.dtype)
+        channels = self._texels.shape[1]
+        result: Array = np.empty((face.size, channels), dtype=self._texels.dtype)
         for part in slices(face.size, _VALUES_AT_ONCE // channels):
             result[part] = self._between(
                 face.reshape(-1)[part], s.reshape(-1)[part], t.reshape(-1)[part]
@@ -179,15 +177,13 @@ class CubeSampler:
         rows, along = catmull_rom(self._index(t))
         width = self.size + 2 * _RIM
         first = (face * width + rows + _RIM) * width + columns + _RIM
-        result: Array = np.zeros((len(self._planes), len(face)), dtype=self._planes.dtype)
+        result: Array = np.zeros((len(face), self._texels.shape[1]), dtype=self._texels.dtype)
         for i in range(4):
             line = np.zeros_like(result)
             for j in range(4):
-                texels = first + (i * width + j)
-                for sums, plane in zip(line, self._planes, strict=True):
-                    sums += across[j] * plane.take(texels)
-            result += along[i] * line
-        return result.T
+                line += across[j][:, None] * self._texels.take(first + (i * width + j), axis=0)
+            result += along[i][:, None] * line
+        return result
 
     def _position(self, index: NDArray[np.intp]) -> Array:
         """Positions of texels on the face, [-1, 1]; indices outside the face give others."""

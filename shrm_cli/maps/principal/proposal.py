@@ -38,7 +38,7 @@ from shrm_cli.maps.principal.terms import (
 )
 from shrm_cli.maps.request import Notes, Prefiltered, Request
 from shrm_cli.maps.size import sizes_of, supported_order, total_error
-from shrm_cli.maps.wrong_pixels import LookUps, wrong_share
+from shrm_cli.maps.wrong_pixels import LookUps, are_look_ups_seen, wrong_share
 from shrm_cli.orders import Orders
 from shrm_cli.plan.search import Candidate, Row
 from shrm_cli.probe.lighting import Projection
@@ -49,9 +49,6 @@ from shrm_cli.vocabulary import Sampling
 
 _SMALL = 16
 """The texels along a face's edge of the maps that tell how coherent the terms of a sum are."""
-_LOOKED_UP = 0.5
-"""The error of look-ups, in units of that of functions and orders, from which it shows in pixels
-that are not wrong already."""
 TABLED = "more bytes gain little: what it has of the view is in tables, which are no finer"
 """What is said where tables make most of an error."""
 
@@ -92,7 +89,7 @@ class Proposal:
         """
         error, filter_error = self.info.predicted_error, self.info.filter_error
         is_brushed = any(isinstance(each.planner.spectrum, BrushedSpectrum) for each in self.terms)
-        are_seen = filter_error > _LOOKED_UP * error and not is_brushed
+        are_seen = are_look_ups_seen(error, filter_error) and not is_brushed
         return predicted_wrong_share(self.terms, self._map() if are_seen else None)
 
     def _map(self) -> PrincipalMap:

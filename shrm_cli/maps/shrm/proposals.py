@@ -24,6 +24,7 @@ from shrm_cli.maps.size import (
     stored_bytes,
     supported_order,
 )
+from shrm_cli.maps.wrong_pixels import are_look_ups_seen
 from shrm_cli.orders import Orders, choose_orders
 from shrm_cli.plan.search import Candidate, Row, fewest_bytes
 from shrm_cli.probe.lighting import Projection
@@ -116,13 +117,20 @@ class ShrmProposals(ShrmRows):
     def proposed(self, found: Expansion) -> Candidate[Prefiltered]:
         """Return one of these SHRMs as the search knows it."""
 
-        def wrong_share() -> float:
+        def least_share() -> float:
             return predicted_wrong_share([carry(self.light, self._stated(found))])
 
+        def share_of_made() -> float:
+            share: float = self.made(found).further["predicted_wrong_share"]()
+            return share
+
+        known = found.bytes, (found.orders.order_p + 1) ** 2, found.total_error
+        make = partial(self.made, found)
+        if not are_look_ups_seen(found.error, found.filter_error):
+            return Candidate("shrm", *known, least_share, make, limit=OTHERS)
         return Candidate(
-            "shrm", found.bytes, (found.orders.order_p + 1) ** 2, found.total_error, wrong_share,
-            partial(self.made, found), limit=OTHERS,
-        )  # fmt: skip
+            "shrm", *known, share_of_made, make, limit=OTHERS, find_least_share=least_share
+        )
 
     def candidate(self, error: float) -> Candidate[Prefiltered]:
         return self.proposed(self.least(error)[0])
