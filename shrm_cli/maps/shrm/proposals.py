@@ -115,25 +115,25 @@ class ShrmProposals(ShrmRows):
         return Chosen(self.request.brdf, orders, self.coefficients, found.size)
 
     def proposed(self, found: Expansion) -> Candidate[Prefiltered]:
-        """Return one of these SHRMs as the search knows it."""
+        """Return one of these SHRMs as the search knows it, which looks between texels at last."""
 
-        def least_share() -> float:
+        def wrong_share() -> float:
             return predicted_wrong_share([carry(self.light, self._stated(found))])
 
-        def share_of_made() -> float:
-            share: float = self.made(found).further["predicted_wrong_share"]()
+        def share_of_made() -> float | None:
+            share: float | None = self.made(found).further["predicted_wrong_share"]()
             return share
 
-        known = found.bytes, (found.orders.order_p + 1) ** 2, found.total_error
-        make = partial(self.made, found)
+        rough = Candidate(
+            "shrm", found.bytes, (found.orders.order_p + 1) ** 2, found.total_error, wrong_share,
+            partial(self.made, found), limit=OTHERS,
+        )  # fmt: skip
         if not are_look_ups_seen(found.error, found.filter_error):
-            return Candidate("shrm", *known, least_share, make, limit=OTHERS)
-        return Candidate(
-            "shrm", *known, share_of_made, make, limit=OTHERS, find_least_share=least_share
-        )
+            return rough
+        return replace(rough, find_exact=partial(replace, rough, find_wrong_share=share_of_made))
 
     def candidate(self, error: float) -> Candidate[Prefiltered]:
-        return self.proposed(self.least(error)[0])
+        return self.proposed(self.least(error)[0]).exact
 
     def rows(self, max_size: int) -> Iterator[Row[Candidate[Prefiltered]]]:
         """Yield all maps of at most so many bytes."""
