@@ -272,19 +272,16 @@ def _exposed(
     """
     from shrm_cli.render.image import exposure_advice, shown_at
 
-    pictures = film.pictures(progress)
-    first = next(pictures)
-    stops = shown_at(path, *(part for _, part in film.parts(first)), asked=asked)
-    if stops != film.exposure:
-        film = replace(film, exposure=stops)
-        pictures = film.pictures(progress)
-        first = next(pictures)
+    drawn = film.tiles(progress)
+    tiles = next(drawn)
+    film = replace(film, exposure=shown_at(path, *tiles, asked=asked))
+    first = film.put_together(tiles)
     doubts = [
         line
         for label, part in film.parts(first)
         for line in exposure_advice(path, part, film.exposure, label)
     ]
-    return film, chain([first], pictures), doubts
+    return film, chain([first], map(film.put_together, drawn)), doubts
 
 
 def _write_animation(

@@ -98,8 +98,9 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
     number of levels has, and how levels are mixed; and ``mips``, whether each level is half as
     large as the one before, as in a mip chain. The first has a power of two of texels then, and by
     default there are all levels down to one texel. The size is that of the first level, by default
-    as many texels as the probe holds, but at least 8 and at most 256. That of the others follows from their
-    orders; none is larger than the one before. The error is the one that each level may have.
+    as many texels as the probe holds, but at least 8 and at most 256. That of the others follows
+    from their orders; none is larger than the one before. The error is the one that each level may
+    have.
     """
     brdf = split_material(request.brdf)
     size, sampling, own = request.size, request.sampling, request.own

@@ -442,7 +442,7 @@ def test_a_tiny_probe_has_levels_that_hold_what_is_blurred_of_it(tmp_path, rng):
     found = prefilter_split_sum(probe, [0.4, 0.8]).map
     normals = unit(rng, 200)
     fine = image.repeat(64, axis=0).repeat(64, axis=1)
-    for k, roughness in enumerate(found.roughness):
+    for roughness in found.roughness:
         expected = brute_force(fine, roughness, normals)
         looked = found.prefiltered(roughness, normals)
         assert difference(looked, expected) < 0.03
