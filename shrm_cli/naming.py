@@ -29,9 +29,9 @@ def probe_stem(probe: str) -> str:
 
 
 def map_stem(path: str) -> str:
-    """Return the name of a map's file without its folder and the suffix ``.exr``."""
+    """Return the name of a map's file, or a grid's, without its folder and ``.exr`` or ``.npz``."""
     name = Path(path).name
-    return name[:-4] if name.lower().endswith(".exr") else name
+    return name[:-4] if name.lower().endswith((".exr", ".npz")) else name
 
 
 def brdf_label(spec: str) -> str:

@@ -15,7 +15,7 @@ from shrm_cli.cli import moving, options, shading, stage, usage
 from shrm_cli.cli.terminal import conclude, progress_bar
 from shrm_cli.cli.types import FILE, PATH, PICTURE_SIZE, VECTOR, option, whole, within
 from shrm_cli.files.recipe import picture_attributes
-from shrm_cli.naming import map_stem
+from shrm_cli.naming import map_stem, probe_stem
 from shrm_cli.vocabulary import DEFAULT_FPS, Precision
 
 if TYPE_CHECKING:
@@ -122,7 +122,7 @@ def render(
     _refuse_others(mesh, values, any(named[:2]))
     keys = moving.scene_keys(mesh)
     frames = keys[-1].frame if keys else frames
-    pattern = output or _default_name(maps or (probe,) if transfer else maps, mesh, frames)
+    pattern = output or _default_name(maps, probe if transfer else None, mesh, frames)
     steps, targets = moving.frame_targets(pattern, frames)
     shown = moving.moments(view, steps, values, keys, ways)
     if not is_animated(pattern):
@@ -272,19 +272,16 @@ def _exposed(
     """
     from shrm_cli.render.image import exposure_advice, shown_at
 
-    pictures = film.pictures(progress)
-    first = next(pictures)
-    stops = shown_at(path, *(part for _, part in film.parts(first)), asked=asked)
-    if stops != film.exposure:
-        film = replace(film, exposure=stops)
-        pictures = film.pictures(progress)
-        first = next(pictures)
+    drawn = film.tiles(progress)
+    tiles = next(drawn)
+    film = replace(film, exposure=shown_at(path, *tiles, asked=asked))
+    first = film.put_together(tiles)
     doubts = [
         line
         for label, part in film.parts(first)
         for line in exposure_advice(path, part, film.exposure, label)
     ]
-    return film, chain([first], pictures), doubts
+    return film, chain([first], map(film.put_together, drawn)), doubts
 
 
 def _write_animation(
@@ -336,8 +333,13 @@ def _files(maps: Sequence[str], mesh: str | None, values: dict[str, Any]) -> lis
     return [*maps, *values["blend_to"], *others]
 
 
-def _default_name(maps: Sequence[str | None], mesh: str | None, frames: int | None) -> str:
-    stem = "sheet" if len(maps) > 1 else "".join(map_stem(path) for path in maps if path)
+def _default_name(
+    maps: Sequence[str], probe: str | None, mesh: str | None, frames: int | None
+) -> str:
+    """Return the name of a picture of maps, or where there are none, of what a probe lights."""
+    stem = "sheet" if len(maps) > 1 else "".join(map_stem(path) for path in maps)
+    if probe and not maps:
+        stem = probe_stem(probe)
     if mesh is not None:
         stem = f"{stem}.{Path(mesh).stem}".lstrip(".")
     return f"{stem}.png" if frames is None else f"{stem}.%04d.png"

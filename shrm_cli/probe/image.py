@@ -22,7 +22,8 @@ from shrm_cli.vocabulary import (
 )
 
 _NEARLY = 0.02
-"""A lat-long may be so much of its width wider or narrower than 2:1 by rounding, or by mistake."""
+"""A lat-long may be so much of its width wider or narrower than 2:1 by rounding, or by mistake,
+and always by a pixel."""
 _ROWS_AT_ONCE = 256
 
 
@@ -183,10 +184,11 @@ def detect_layout(name: str, width: int, height: int, envmap: str) -> Layout:
 
 def _of_latlongs(width: int, height: int) -> str:
     """Say what makes a lat-long of an image that is nearly one, or a part of one."""
-    if abs(width - 2 * height) <= _NEARLY * width:
+    if abs(width - 2 * height) <= max(_NEARLY * width, 1):
         return f", or scale it to {2 * height} x {height} if it is a lat-long"
     if width > 2 * height:
-        whole = f"{width} x {width // 2}"
+        even = width + width % 2
+        whole = f"{even} x {even // 2}"
         return f", or put what is a part of a panorama into {whole} pixels, black elsewhere"
     return ""
 

@@ -81,11 +81,15 @@ class Scene:
     def picture(self, viewer: Viewer, progress: Progress | None = None) -> Picture:
         """Draw the picture that the viewer sees.
 
-        Returns an array of float32 of shape (*shape, 3): linear. The subjects are exposed; the
-        paper and the labels of a sheet are not. Where few harmonics are negative, beside lamps, the
-        picture is black, as no light is less than none.
+        Returns an array of float32 of shape (*shape, 3): linear.
         """
-        layout = self.layout
+        return self.put_together(self.tiles(viewer, progress))
+
+    def tiles(self, viewer: Viewer, progress: Progress | None = None) -> list[Picture]:
+        """Draw the subject in each material, not exposed.
+
+        Where few harmonics are negative, beside lamps, it is black, as no light is less than none.
+        """
         behind = None
         if self.surroundings is not None:
             behind = self.subject.background(self.surroundings, viewer)
@@ -93,9 +97,15 @@ class Scene:
         stages = Stages(progress, len(self.materials))
         for index, each in enumerate(self.materials):
             drawn = self.subject.draw(each, viewer, behind, stages.within)
-            tiles.append(expose(np.maximum(drawn, 0), self.exposure))
+            tiles.append(np.maximum(drawn, 0).astype(np.float32, copy=False))
             stages.done(index + 1, len(self.materials))
-        return tiles[0] if layout is None else draw_sheet(layout, tiles, self.labels)
+        return tiles
+
+    def put_together(self, tiles: Sequence[Picture]) -> Picture:
+        """Expose the tiles, which one picture is of; the paper and labels of a sheet are not."""
+        exposed = [expose(each, self.exposure) for each in tiles]
+        layout = self.layout
+        return exposed[0] if layout is None else draw_sheet(layout, exposed, self.labels)
 
 
 @record(eq=False)
@@ -154,10 +164,14 @@ class Film:
     @property
     def shape(self) -> tuple[int, int]:
         """Height and width of each picture, pixels."""
-        return self._scene(self.moments[0], None).shape
+        return self._first.shape
 
     def pictures(self, progress: Progress | None = None) -> Iterator[Picture]:
         """Draw the pictures, linear, in the primaries of the drawing."""
+        return map(self.put_together, self.tiles(progress))
+
+    def tiles(self, progress: Progress | None = None) -> Iterator[list[Picture]]:
+        """Draw what `put_together` makes a picture of, for each moment; see `Scene.tiles`."""
         drawing = self.drawing
         behind, becomes = (
             None if sky is None else coarse_probe(sky.in_primaries(drawing.primaries), drawing.rows)
@@ -166,15 +180,24 @@ class Film:
         stages = Stages(progress, len(self.moments))
         for number, each in enumerate(self.moments, 1):
             around = None if behind is None else each.behind(behind, becomes)
-            yield self._scene(each, around).picture(each.viewer, stages.within)
+            yield self._scene(each, around).tiles(each.viewer, stages.within)
             stages.done(number, len(self.moments))
+
+    def put_together(self, tiles: Sequence[Picture]) -> Picture:
+        """Expose the tiles of a moment, and make one picture of them."""
+        return self._first.put_together(tiles)
 
     def parts(self, picture: Picture) -> list[tuple[str, Picture]]:
         """Return each material's label and what a picture shows of it; of one it has no label."""
-        layout = self._scene(self.moments[0], None).layout
+        layout = self._first.layout
         if layout is None:
             return [("", picture)]
         return list(zip(self.labels, layout.cut(picture), strict=True))
+
+    @cached_property
+    def _first(self) -> Scene:
+        """The scene of the first moment without what is behind."""
+        return self._scene(self.moments[0], None)
 
     def _scene(self, moment: Moment, around: Any) -> Scene:
         drawing = self.drawing

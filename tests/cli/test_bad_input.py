@@ -98,7 +98,9 @@ FILES = {
         "put what is a part of a panorama into 64 x 32 pixels",
     ),
     "two pixels off": (image(32, 66), "is no known layout", "panorama into 66 x 33 pixels"),
+    "of odd width": (image(8, 35), "is no known layout", "panorama into 36 x 18 pixels"),
     "a pixel off": (image(31, 63), "is no known layout", "scale it to 62 x 31"),
+    "a pixel off, and small": (image(16, 33), "is no known layout", "scale it to 32 x 16"),
     "zero size": (with_windows(0, 0), "copy or export it again"),
     "huge": (with_windows(*HUGE), "bad.exr"),
     "nan": (

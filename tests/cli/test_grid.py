@@ -93,6 +93,7 @@ def test_a_room_is_baked(folder):
     assert found.lattice.high == pytest.approx([4, 2, 3])
     assert found.direct[:, 0].min() > 0
     assert found.reflected[:, 0].min() > 0
+    assert done("render", "room.grid.npz", "--size", 16).startswith("room.grid.png: 16 x 16")
     told = done("info", "room.grid.npz")
     assert "grid of probes" in told
     before = (folder / "room.grid.npz").read_bytes()

@@ -22,6 +22,7 @@ from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.maps.splitsum.split_sum import SplitSum
 from shrm_cli.render.camera import Viewer
+from shrm_cli.render.drawing import SphereSubject
 from shrm_cli.render.sphere import render_background, render_sphere
 from tests.cli.helpers import NO_MODULES, told_to_bars
 from tests.render.materials import furnace, spot, under_random_light
@@ -281,6 +282,20 @@ def test_an_exposure_that_nobody_named_shows_the_picture(folder):
     np.testing.assert_allclose(read("ball.exr")[16, 16, :3], 64, rtol=1e-3)
     result = run("bright.exr", "--size", 32, "--exposure", 0, "-o", "ball.png")
     assert "Warning: ball.png: all but white at an exposure of 0; --exposure -7.25" in result.stderr
+
+
+def test_pictures_are_drawn_once_whatever_shows_them(folder, monkeypatch):
+    drawn = []
+
+    def counted(subject, *rest):
+        drawn.append(rest)
+        return render_sphere(*rest[:2], subject.size, *rest[2:])
+
+    monkeypatch.setattr(SphereSubject, "draw", counted)
+    furnace(64.0).save(folder / "bright.exr", "float")
+    told = done("bright.exr", "--size", 32, "--frames", 3, "-o", "ball.%04d.png")
+    assert "exposure       -7.25" in told
+    assert len(drawn) == 3
 
 
 MAIN = "from shrm_cli.cli.main import main; main()"

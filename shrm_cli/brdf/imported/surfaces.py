@@ -164,6 +164,13 @@ class Material:
 def chosen(name: str, names: Sequence[str], wanted: str) -> int:
     """The place of a material among those of a file, by its name or else by its number."""
     if wanted in names and wanted:
+        same = [str(k) for k, each in enumerate(names) if each == wanted]
+        if len(same) > 1:
+            told = ", ".join(same[:_LISTED]) + (", ..." if len(same) > _LISTED else "")
+            raise BrdfError(
+                f"{name}: {len(same)} materials are called {wanted[:40]!r}; name one of them after "
+                f"a '#' by its number: {told}"
+            )
         return names.index(wanted)
     if wanted.isascii() and wanted.isdigit() and int(wanted[:9]) < len(names):
         return int(wanted)
@@ -171,7 +178,10 @@ def chosen(name: str, names: Sequence[str], wanted: str) -> int:
         raise BrdfError(f"{name}: it has no material that can be read; name another file")
     if not wanted and len(names) == 1:
         return 0
-    listed = ", ".join(each or str(k) for k, each in enumerate(names[:_LISTED]))
+    listed = ", ".join(
+        each if each and names.count(each) == 1 else str(k)
+        for k, each in enumerate(names[:_LISTED])
+    )
     more = ", ..." if len(names) > _LISTED else ""
     what = f"no material is called {wanted[:40]!r}" if wanted else "it has several materials"
     raise BrdfError(f"{name}: {what}; name one after a '#': {listed}{more}")

@@ -46,6 +46,9 @@ from shrm_cli.vocabulary import MAX_ORDER_F, MIN_ROUGHNESS, Sampling
 
 _ERROR = 0.0005
 """The relative RMS error that each level may have."""
+_LEAST_SIZE = 8
+"""The fewest texels along an edge that the first level has by default: what a roughness of .3 blurs
+of a probe of 4 x 2 pixels is wrong by 20 % RMS in 1 texel, and by 2 % in 8."""
 LARGEST_SIZE = 256
 """The most texels along an edge that the first level has by default. Engines use this size."""
 
@@ -95,15 +98,17 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
     number of levels has, and how levels are mixed; and ``mips``, whether each level is half as
     large as the one before, as in a mip chain. The first has a power of two of texels then, and by
     default there are all levels down to one texel. The size is that of the first level, by default
-    as many texels as the probe holds, but at most 256. That of the others follows from their
-    orders; none is larger than the one before. The error is the one that each level may have.
+    as many texels as the probe holds, but at least 8 and at most 256. That of the others follows
+    from their orders; none is larger than the one before. The error is the one that each level may
+    have.
     """
     brdf = split_material(request.brdf)
     size, sampling, own = request.size, request.sampling, request.own
     mips, mapping, levels = own["mips"], own["mapping"], own.get("levels")
     if mips and sampling != "center":
         raise ArgumentError("mips", "needs texels at their centers, as graphics cards have them")
-    largest = min(default_size(probe, Cube), LARGEST_SIZE) if size is None else size
+    held = max(default_size(probe, Cube), _LEAST_SIZE)
+    largest = min(held, LARGEST_SIZE) if size is None else size
     if mips and size is None:
         largest = power_of_two(largest)
     if levels is None:

@@ -230,6 +230,16 @@ def test_colors_are_in_the_primaries_of_the_probe(tmp_path):
     assert found == pytest.approx(tuple(expected), abs=1e-3)
 
 
+def test_materials_of_one_name_are_told_apart_by_their_numbers(tmp_path):
+    same = [{"name": "a", **metal_rough(1.0, each)} for each in (0.3, 0.7)]
+    path = asset(tmp_path, *same, {"name": "b", **metal_rough()})
+    with pytest.raises(BrdfError, match=r"2 materials are called 'a'; name one .* number: 0, 1$"):
+        parse_spec(f"{path}#a")
+    with pytest.raises(BrdfError, match=r"several materials; name one after a '#': 0, 1, b$"):
+        parse_spec(str(path))
+    assert parse_spec(f"{path}#1").number("specular_roughness") == pytest.approx(0.7)
+
+
 def test_materials_are_named_or_numbered(tmp_path):
     first, second = {"name": "A B", **metal_rough(1.0, 0.3)}, metal_rough(1.0, 0.7)
     path = asset(tmp_path, first, second)

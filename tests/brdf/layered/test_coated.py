@@ -203,6 +203,7 @@ def walked(brdf, light, view, **more):
         f"coated:base=({GOLD})",
         f"coated:ior=1.7,color=0.9/0.5/0.2,base=({PLASTIC})",
         f"coated:roughness=0.2,base=({PAINT})",
+        "coated:ior=1.8,base=(fuzzy:base=(lambertian))",
     ],
 )
 def test_the_walk_agrees_about_energies(rng, spec):

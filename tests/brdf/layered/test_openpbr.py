@@ -46,6 +46,25 @@ def test_no_more_light_leaves_than_arrives(more):
         assert reflected_share(brdf, degrees, 400).max() < 1 + 1e-3, degrees
 
 
+@pytest.mark.parametrize(
+    "more",
+    [
+        "thin_film_weight=1",
+        "thin_film_weight=1,coat_roughness=0.5,specular_roughness=0.05",
+        "thin_film_weight=1,thin_film_ior=1.3,coat_ior=2,coat_roughness=0.3",
+        "coat_ior=3,coat_roughness=1",
+        "thin_film_weight=0.5,base_metalness=0.5,coat_ior=3,coat_roughness=1,thin_film_ior=1",
+    ],
+)
+def test_a_border_in_a_coat_gains_no_light(more):
+    """Light that a film of a smaller index turns back in the coat goes to and fro many times."""
+    brdf = parse_spec(f"{WHITE},coat_weight=1,{more}")
+    for degrees in (0, 60):
+        found = reflected_share(brdf, degrees, 400)
+        assert found.max() < 1 + 2e-3
+        assert found.min() > 0.85
+
+
 @pytest.mark.parametrize("more", ["specular_ior=1.2", "specular_ior=2,base_diffuse_roughness=1"])
 def test_nothing_is_lost_over_a_white_base(more):
     brdf = parse_spec(f"{WHITE},{more}")

@@ -435,6 +435,19 @@ def test_sizes_and_orders_follow_the_lobes(real_probes):
     assert small.map.info.probe == "sunset.exr"
 
 
+def test_a_tiny_probe_has_levels_that_hold_what_is_blurred_of_it(tmp_path, rng):
+    """Pixels of 90 degrees, each as 64 x 64 that sum to them: by default it was 1 texel a face."""
+    image = rng.uniform(0, 1, (2, 4, 3)).astype(np.float32)
+    probe = open_probe(write_exr(tmp_path / "tiny.exr", image))
+    found = prefilter_split_sum(probe, [0.4, 0.8]).map
+    normals = unit(rng, 200)
+    fine = image.repeat(64, axis=0).repeat(64, axis=1)
+    for roughness in found.roughness:
+        expected = brute_force(fine, roughness, normals)
+        looked = found.prefiltered(roughness, normals)
+        assert difference(looked, expected) < 0.03
+
+
 def expansion_errors(lighting, coefficients):
     """The relative RMS error of a level for each order at which it may end abruptly."""
     light, missing = energies(lighting, multipliers(coefficients))

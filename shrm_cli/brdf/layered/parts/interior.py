@@ -9,12 +9,14 @@ with the transmittance T and the base's BRDF f. A part is reflected at the borde
 the base. How much leaves after all such rounds is known from energies alone, which depend on angles
 to the normal and not on azimuths: they are the solution of a linear system, `_visits`. Glossy parts
 of the base get it as a lobe that is wider than their own, and as strong as these energies say.
-Light at the diffuse part has no direction any more, and its rounds are a geometric series. It meets
-the glossy parts on its way there and from there.
+Light that a diffuse part scatters has no direction any more, and leaves as ``E(l) E(v) / mean(E)``
+with the albedo E says. Its rounds among the diffuse parts are a small linear system of their own,
+a geometric series if there is one part; it meets the glossy parts on its way there and from there.
 """
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 
@@ -23,6 +25,7 @@ from shrm_cli.brdf.base import Brdf, Color, added, multiplied, scaled
 from shrm_cli.brdf.layered.parts import table
 from shrm_cli.brdf.layered.parts.dielectric import CoatLobe, refracted
 from shrm_cli.brdf.layered.parts.layered import Layered, UnderLayer
+from shrm_cli.brdf.layered.parts.opaque import UnderBorder
 from shrm_cli.brdf.vectors import GRAZING, refracted_cosine
 from shrm_cli.records import record
 
@@ -83,26 +86,51 @@ class Interior:
     def diffuse_lobes(self, number: int) -> Lobes:
         """As `glossy_lobes`, of a diffuse part.
 
-        Diffuse light that comes back is reflected as ``E(l) E(v) / mean(E)``, with the albedo E.
-        Where a part itself is no such product, it is weighed so that as much light leaves.
+        Where a part is no product of functions of light and view, it is weighed so that as much
+        light leaves.
         """
-        visits = self._visits(np.ones_like(self._leaving))
-        found = np.asarray(
-            sum(weight * table.albedos(part, self._cosines) for weight, part in self._diffuse)
-        )
-        mean, again = (
-            _mean(each, self._cosines) for each in (found, found**2 * self._returned * visits)
-        )
-        series = 1 - np.minimum(again / np.maximum(mean, 1e-300), _LOSSLESS)
-        gain = self._passing * visits[self._beyond :] / np.sqrt(series) / self.ior
-        part = self._diffuse[number][1]
-        if not part.zonal:
-            own = table.albedos(part, self._cosines)
-            passing = gain * own[self._beyond :]
-            share = _mean(passing, table.COSINES) / np.maximum(_mean(own, self._cosines), 1e-300)
+        weight, part = self._diffuse[number]
+        own, ever, once, whole = (each[number] for each in self._scattered)
+        passing = self._passing * ever[self._beyond :] / weight
+        if part.zonal:
+            rounds = np.sqrt(whole / np.maximum(once, 1e-300)) / self.ior
+            gain = passing / np.maximum(own[self._beyond :], 1e-300) * rounds
+        else:
             matrix = table.transport(_Inside(part, self.ior), table.COSINES, table.COSINES)
-            gain = table.strength(matrix, np.ones_like(passing), passing * share)
+            gain = table.strength(matrix, np.ones_like(passing), passing * whole)
         return [(part, table.Table(gain))]
+
+    @cached_property
+    def _scattered(self) -> tuple[Array, Array, Array, Array]:
+        """How light is scattered by each of the diffuse parts, which forgets where it came from.
+
+        The albedos E of the parts alone, (parts, n, 3); the part of light from each angle that they
+        are the first to scatter, (parts, n, 3); and how much of what they scatter, as E has it,
+        leaves before it is scattered again, and ever, both of shape (parts, 3).
+        """
+        own = np.stack([table.albedos(part, self._cosines) for _, part in self._diffuse])
+        weights = np.array([weight for weight, _ in self._diffuse])
+        held = self._without_excess(weights[:, None, None] * own)
+        first = np.stack([self._visits(each) for each in held])
+        mean = np.maximum([_mean(each, self._cosines) for each in held], 1e-300)
+        passing = self._passing * first[:, self._beyond :] / self.ior**2
+        once = np.stack([_mean(each, table.COSINES) for each in passing]) / mean
+        again = np.empty((3, len(held), len(held)))  # from a part to a part
+        for (k, one), (j, other) in product(enumerate(held), enumerate(first)):
+            again[:, k, j] = _mean(one * self._returned * other, self._cosines) / mean[k]
+        whole = np.linalg.solve(np.eye(len(held)) - _less_than_all(again), once.T[..., None])
+        return own, first, once, whole[..., 0].T
+
+    def _without_excess(self, diffuse: Array) -> Array:
+        """Albedos of diffuse parts, (parts, n, 3), which under borders leave the glossy its own.
+
+        All are tabulated, too coarsely for a film that turns light back within the coat: in each
+        round light would gain what they exceed 1 by together.
+        """
+        if not all(isinstance(part, UnderBorder) for _, part in self._diffuse):
+            return diffuse
+        left = np.maximum(1 - self._matrices.sum(axis=(0, 2)), 0)
+        return diffuse * np.minimum(left / np.maximum(diffuse.sum(axis=0), 1e-300), 1)
 
     @cached_property
     def _border(self) -> Array:
@@ -167,11 +195,15 @@ class Interior:
         `each`, of shape (n, 3), is that of a visit, for light that is followed back from a view at
         the cosines.
         """
-        moved = (self._matrices.sum(axis=0) * self._returned).transpose(2, 0, 1)
-        share = moved.sum(axis=2, keepdims=True)  # above 1 where the base itself gains light
-        moved = moved * np.minimum(_LOSSLESS / np.maximum(share, 1e-300), 1)
+        moved = _less_than_all((self._matrices.sum(axis=0) * self._returned).transpose(2, 0, 1))
         found = np.linalg.solve(np.eye(len(each)) - moved, each.T[..., None])
         return np.asarray(found[..., 0].T)
+
+
+def _less_than_all(moved: Array) -> Array:
+    """Matrices of what goes from row to column, (3, n, n), without what a base gains by itself."""
+    share = moved.sum(axis=2, keepdims=True)
+    return np.asarray(moved * np.minimum(_LOSSLESS / np.maximum(share, 1e-300), 1))
 
 
 def _mean(values: Array, cosines: Array) -> Array:
