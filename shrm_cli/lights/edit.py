@@ -6,6 +6,7 @@ than from below (Ramamoorthi 2002, section 4.3.3).
 `edit_light`: the coefficients of a light after an edit, with others added.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -32,9 +33,6 @@ from shrm_cli.sphere.directions import (
 from shrm_cli.sphere.harmonics import order_of, real_harmonics
 from shrm_cli.sphere.quadrature import gauss_legendre
 from shrm_cli.sphere.rotation import transform_coefficients
-
-_NODES = 256
-"""Nodes from the middle of what is dimmed to its antipode; 5 degrees need a tenth of them."""
 
 Tables = dict[str, list[dict[str, Any]]]
 """The tables of a light file by their kinds."""
@@ -68,22 +66,37 @@ class Dimming:
     def __post_init__(self) -> None:
         check_fields(self)
 
+    @property
+    def _sharpness(self) -> float:
+        """The radiance changes by ``exp(sharpness (cos - 1))`` of what it does in the middle."""
+        return float(np.log(2) / (1 - np.cos(np.radians(self.width))))
+
     def at(self, cosines: ArrayLike) -> Array:
         """Return what radiance is multiplied by, by the cosine of the angle from the direction."""
-        sharpness = np.log(2) / (1 - np.cos(np.radians(self.width)))
-        change = np.exp(sharpness * (np.asarray(cosines, dtype=float) - 1))
+        change = np.exp(self._sharpness * (np.asarray(cosines, dtype=float) - 1))
         return np.asarray(1 + (self.factor - 1) * change)
 
     def of(self, coefficients: Array) -> Array:
-        """Return the coefficients of the light so dimmed, cut off at their order."""
+        """Return the coefficients of the light so dimmed, cut off at their order.
+
+        The change is integrated over a cap, beyond which it is less than rounding. Over the cap's
+        heights, scaled to -1 to 1, it is ``exp(s t)``, whose Legendre series falls with the degree
+        n as ``exp(-n^2 / 2s)``. So many nodes integrate what has that degree, times the products of
+        two harmonics, exactly.
+        """
         order = order_of(len(coefficients))
-        heights, weights = gauss_legendre(_NODES)
+        digits = -float(np.log(np.finfo(float).eps))
+        half = min(digits / (2 * self._sharpness), 1.0)  # of the cap's height
+        scaled = self._sharpness * half
+        nodes, weights = gauss_legendre(order + 1 + math.ceil(math.sqrt(2 * scaled * digits) / 2))
+        heights = 1 + half * (nodes - 1)
         count = 2 * order + 1  # azimuths, at which products of two harmonics are exact
         local = from_angles(np.arccos(heights)[:, None], 2 * np.pi * np.arange(count) / count)
         frame = local_frame(*to_angles(self.direction))
         harmonics = real_harmonics(order, local.reshape(-1, 3) @ frame.T)
-        area = np.repeat(weights * self.at(heights), count) * 2 * np.pi / count
-        return harmonics.T @ (area[:, None] * (harmonics @ coefficients))
+        changes = half * weights * (self.at(heights) - 1)
+        area = np.repeat(changes, count) * 2 * np.pi / count
+        return coefficients + harmonics.T @ (area[:, None] * (harmonics @ coefficients))
 
 
 @record(eq=False)

@@ -312,7 +312,8 @@ _ORDER = 32
 """Degrees of the light that are counted, where pixels are fine enough. Of a point's irradiance
 those beyond hold less than 1e-5 of the square."""
 _NORMALS = 2048
-"""Normals among which the largest difference is looked for: any is within 3 degrees of one."""
+"""Normals among which the largest difference is looked for: any is within 3 degrees of one. Of six
+probes the difference found is that of 32,768 normals to 4 %; half as many miss up to 10 %."""
 _VALUES_AT_ONCE = 2**23
 
 

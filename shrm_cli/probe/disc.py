@@ -14,9 +14,9 @@ from shrm_cli.sphere.quadrature import spiral_directions
 
 _VALUES_AT_ONCE = 2**20
 _ROWS_AT_ONCE = 32
-_LEAST_PARTS, _MOST_PARTS = 16, 32
-"""Lines of which a row of pixels is made, for discs that are large or small beside it."""
-_PARTS_IN_A_RADIUS = 64
+_LINES = 32
+"""Lines of which a row of pixels is made. What they tell of a pixel at a disc's edge is off by less
+than .004 of the pixel, and beside a pole, where rows are bent most, by less than .03."""
 LEAST_RADIUS = 1e-6
 """The least radius of a disc in radians: smaller ones are points, which have no radiance."""
 BRIGHTEST = float(np.finfo(np.float32).max)
@@ -151,8 +151,7 @@ def _covered(disc: Disc, height: int) -> Iterator[tuple[int, Array]]:
     step, radius = np.pi / height, disc.radius
     low, high = max(colatitude - radius, 0.0), min(colatitude + radius, np.pi)
     first, last = min(int(low / step), height - 1), min(int(np.ceil(high / step)), height)
-    parts = np.clip(int(_PARTS_IN_A_RADIUS * step / radius), _LEAST_PARTS, _MOST_PARTS)
-    fractions = (np.arange(parts) + 0.5) / parts
+    fractions = (np.arange(_LINES) + 0.5) / _LINES
     edges = np.linspace(-np.pi, np.pi, 2 * height + 1) - longitude
     for start in range(first, max(last, first + 1), _ROWS_AT_ONCE):
         rows = np.arange(start, min(start + _ROWS_AT_ONCE, max(last, first + 1)))
@@ -167,6 +166,6 @@ def _covered(disc: Disc, height: int) -> Iterator[tuple[int, Array]]:
         within = edges - 2 * np.pi * turns
         covered = np.clip(within, -half_width[..., None], half_width[..., None])
         covered += 2 * half_width[..., None] * turns
-        weights = np.sin(lines) * (bottom - top)[:, None] / parts
+        weights = np.sin(lines) * (bottom - top)[:, None] / _LINES
         weights /= (np.cos(rows * step) - np.cos((rows + 1) * step))[:, None]
         yield start, np.diff(np.einsum("rp,rpe->re", weights, covered), axis=1) * (height / np.pi)

@@ -20,8 +20,9 @@ from shrm_cli.records import record
 from shrm_cli.sphere.directions import normalize
 from shrm_cli.vocabulary import PROXY_ATTRIBUTE
 
-PARALLEL = 1e-9
-"""The component below which a direction counts as parallel to a face."""
+PARALLEL = float(np.finfo(np.float32).eps)
+"""The component below which a direction counts as parallel to a face: what rounding leaves of those
+that shaders have."""
 
 Place = tuple[float, float, float]
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import scipy.special
 
 from shrm_cli.errors import ProbeError
 from shrm_cli.lights.edit import Dimming, Edit, order_of_index, turn_angles
@@ -47,6 +48,23 @@ def test_light_is_dimmed_about_a_direction():
     assert np.abs(found - LIGHT).max() > 0.2
     assert dimming.at(1.0) == pytest.approx(0.2)
     assert dimming.at(np.cos(np.radians(25.0))) == pytest.approx(0.6)
+
+
+@pytest.mark.parametrize("width", [1.0, 12.0, 90.0])
+@pytest.mark.parametrize("order", [2, 40])
+def test_light_of_any_order_is_dimmed_within_any_width(width, order):
+    """Of zonal light of the last degree the integral over the heights is known by many nodes."""
+    light = np.zeros(((order + 1) ** 2, 3))
+    light[order * (order + 1)] = 1.0  # about +Z
+    found = Dimming(np.array([0.0, 0.0, 1.0]), 3.0, width).of(light)
+    sharpness = np.log(2) / (1 - np.cos(np.radians(width)))
+    nodes, weights = np.polynomial.legendre.leggauss(500)
+    change = 2 * np.exp(sharpness * (nodes - 1)) * weights
+    degrees = np.arange(order + 1)
+    zonal = np.sqrt(degrees + 0.5) * scipy.special.eval_legendre(degrees, nodes[:, None])
+    expected = change @ (zonal * zonal[:, -1:])
+    expected[-1] += 1
+    np.testing.assert_allclose(found[degrees * (degrees + 1), 0], expected, atol=1e-10)
 
 
 def test_coefficients_are_set_scaled_and_turned_in_this_order():

@@ -70,6 +70,19 @@ def test_what_is_allowed():
         choose_storage("a.exr", [plane * 1e12], "half")
 
 
+def test_half_adds_no_more_than_a_tenth_of_the_error_of_a_map(tmp_path):
+    """By light that is ever dimmer, of which half keeps fewer digits."""
+    parts = {"half": [], "float": []}
+    for dim in 2.0 ** -np.arange(15, 21, 0.5):
+        probe = Probe.from_array(scenes.latlong(32) * np.float32(dim), "latlong")
+        made = prefilter(probe, "microfacet:sigma=0.3", to="shrm", size=16)
+        planes = np.concatenate([plane.ravel() for plane in made.planes()])
+        lost = np.linalg.norm(planes.astype(np.float16) - planes) / np.linalg.norm(planes)
+        kind = store(tmp_path / "a.exr", made).pixel_type
+        parts[kind].append(lost / made.info.predicted_error)
+    assert 0.06 < max(parts["half"]) < 0.1 < min(parts["float"]) < 0.17
+
+
 def test_half_that_was_asked_for_states_its_cost(tmp_path):
     probe = Probe.from_array(scenes.latlong(32) * np.float32(1e-7), "latlong")
     made = prefilter(probe, "microfacet:sigma=0.3", size=16)

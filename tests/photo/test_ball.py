@@ -82,6 +82,23 @@ def test_two_photographs_show_everything_and_no_camera(tmp_path, distance):
         assert np.abs(wrong.pixels / truth - 1).max() > 0.1
 
 
+def test_small_lamps_keep_their_light(tmp_path):
+    """They are as large as a pixel of the probe, between whose middles parts of them would hide."""
+    errors, cap = [], np.radians(2)
+    for axis in (direction(*at) for at in ((75, -40), (110, 10), (100, -20))):
+
+        def lamp(directions, axis=axis):
+            return np.repeat(directions @ axis > np.cos(cap), 3).reshape(-1, 3)
+
+        path = tmp_path / "lamp.exr"
+        write_exr(path, photograph(lamp, direction(0), 160, fine=8))
+        made = unwrap_balls([path]).pixels[..., 0]
+        rows = np.cos(np.pi * np.arange(len(made) + 1) / len(made))
+        flux = (rows[:-1] - rows[1:]) @ made.sum(axis=1) * np.pi / len(made)
+        errors.append(flux / (2 * np.pi * (1 - np.cos(cap))) - 1)
+    assert np.linalg.norm(errors) < 0.03
+
+
 def test_photographs_agree_with_the_first(tmp_path):
     """The second was exposed differently, and its white balance, too."""
     cameras = (0.0, 0.0), (90.0, 0.0)

@@ -92,6 +92,33 @@ def test_a_bright_wall_is_not_white(tmp_path, scene):
     assert np.median(error_of(made.pixels, scene)[0]) < 0.015
 
 
+def test_a_bright_wall_is_not_white_where_the_longest_exposure_was_taken_twice(tmp_path, scene):
+    """White was taken to be .74 then, the number of the wall, and what is brighter to be lost."""
+    scene = np.minimum(scene, 0.5 * 64 / 100 / TIMES[-1])
+    paths = taken(tmp_path, scene, srgb)
+    again = tmp_path / "again.png"
+    write_exposure(again, scene, 1.01 * TIMES[-1], srgb, 7)
+    made = merge_brackets([*paths, again])
+    assert made.white == 1
+    assert np.quantile(error_of(made.pixels, scene)[0], 0.95) < 0.035
+
+
+@pytest.mark.parametrize(("around", "stuck"), [(1 / 15, 0), (1 / 45, 1)])
+def test_white_pixels_are_lamps_where_lenses_spread_their_light(tmp_path, around, stuck):
+    """A fifth of a lamp's light is beside it, which is white in sixteen times the light; what is
+    darker there is no lamp's, though it is white in sixty-four times the light."""
+    paths, times = [], np.array([1.0, 8.0, 16.0, 64.0])
+    light = np.full((HEIGHT, WIDTH, 3), 0.001)
+    light[39:42, 59:62] = 1.1 * around
+    light[40, 60] = 1.1
+    for time in times:
+        paths.append(tmp_path / f"{time:g}.exr")
+        write_exr(paths[-1], np.minimum(light * time, 1).astype(np.float32))
+    made = merge_brackets(paths, times)
+    assert made.stuck == stuck
+    assert (made.pixels[40, 60] > 0.99 * 16).all() == (stuck == 0)  # relative to the third
+
+
 def blurred(light):
     """Light as a sharp lens and a sensor show it: a quarter in the pixels beside its own."""
     for axis in (0, 1):

@@ -68,3 +68,16 @@ def test_what_cannot_be_is_refused(sky):
         unclip(probe, ratio=5, normal=(0, -1, 0))
     with pytest.raises(ProbeError, match=r"no lamp stands out of its light, of which 12\.6 sr"):
         unclip(Probe.from_array(np.ones((8, 16, 3))), ratio=5)
+
+
+@pytest.mark.parametrize(("rows", "is_lamp"), [(5, True), (8, False)])
+def test_a_soft_box_is_a_lamp_and_a_bright_part_of_a_sky_is_none(rows, is_lamp):
+    directions, radius = latlong_directions(128, 64), rows * 180 / 64
+    pixels = np.where(directions @ [0.0, 1.0, 0.0] > np.cos(np.radians(radius)), 9.0, 1.0)
+    probe = Probe.from_array(np.repeat(pixels[..., None], 3, axis=-1))
+    if is_lamp:
+        wanted = 2 * np.pi * (1 - np.cos(np.radians(radius)))
+        assert unclip(probe, ratio=5).solid_angle == pytest.approx(wanted, rel=0.03)
+    else:
+        with pytest.raises(ProbeError, match="no lamp stands out of its light"):
+            unclip(probe, ratio=5)

@@ -40,6 +40,22 @@ def test_eight_rows_are_areas(rng):
     assert np.abs(found - expected).max() < 2e-3 * np.abs(expected[1:]).max()
 
 
+@pytest.mark.parametrize(("noise", "is_cut"), [(0.008, False), (0.0125, True)])
+def test_light_is_cut_where_a_hundredth_of_it_is_beyond_its_degrees(rng, noise, is_cut):
+    """In root mean square: of white noise over a smooth sky, told by sums over the pixels."""
+    height, order = 24, 23
+    directions, areas = latlong_samples(height)
+    smooth = 2 + directions @ rng.normal(0, 0.4, (3, 3))
+    rough = rng.normal(size=smooth.shape)
+    energy = areas @ (rough**2).sum(axis=1)
+    known = oracles.real_harmonics(order, directions).T @ (areas[:, None] * rough)
+    scale = np.sqrt(areas @ (smooth**2).sum(axis=1) / abs(energy - np.sum(known**2)))
+    image = (smooth + noise * scale * rough).reshape(height, -1, 3).astype(np.float32)
+    probe = Probe.from_array(image)
+    assert probe.grid.resolved_order == order
+    assert (fine_probe(probe) is not probe) == is_cut
+
+
 @pytest.fixture
 def of_two(tmp_path):
     """A light file of a coarse noise with a negative pixel, and of a finer one; and its parts."""

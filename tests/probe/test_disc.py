@@ -99,6 +99,26 @@ def test_pixels_hold_all_of_a_disc(rng, radius):
             assert np.linalg.norm(middle - light.direction) < 1.5 / height
 
 
+@pytest.mark.parametrize("rows", [2.0, 3.0, 6.0])
+def test_pixels_at_the_edge_of_a_disc_are_covered_as_far_as_it_reaches(rows):
+    """As 128 x 128 points of each pixel count it, of discs about +Z, in the middle of the image."""
+    height, around, points = 32, 8, 128
+    step = np.pi / height
+    light = disc([0, 0, 1], np.degrees(rows * step))
+    angles = (np.arange(2 * around * points) + 0.5) * step / points - around * step
+    cosine = np.cos(angles)
+    inside = np.outer(cosine, cosine) > np.cos(light.radius)
+    pixels = 2 * around, points, 2 * around, points
+    expected = (inside * cosine[:, None]).reshape(pixels).sum(axis=(1, 3))
+    expected /= points * cosine.reshape(-1, points).sum(axis=1)[:, None]
+    coverage = np.zeros((height, 2 * height))
+    for start, found in disc_rows(light, height):
+        coverage[start : start + len(found)] += found
+    middle = coverage[height // 2 - around :][: 2 * around, height - around :][:, : 2 * around]
+    assert middle.sum() == pytest.approx(coverage.sum())
+    assert np.abs(middle - expected).max() < 1.8e-3
+
+
 def test_what_a_surface_that_faces_a_disc_receives(rng):
     for radius in (0.5, 30.0, 90.0, 120.0, 180.0):
         light = disc(oracles.random_directions(rng), radius)

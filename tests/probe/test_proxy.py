@@ -55,6 +55,13 @@ def test_points_on_faces_and_outside_have_directions(rng):
     np.testing.assert_allclose(BOX.directions(outside, axes[0]), face / np.linalg.norm(face))
 
 
+def test_along_a_face_the_rounding_of_shaders_turns_no_ray_into_it():
+    floor = np.array([0.0, 0.0, 4.0])
+    along = np.array([1.0, -np.finfo(np.float32).epsneg, 0.0])  # a shader's least part below 1
+    far = np.array([3.0, 0.0, 4.0]) - BOX.at
+    np.testing.assert_allclose(BOX.directions(floor, along), far / np.linalg.norm(far), atol=1e-6)
+
+
 def test_the_least_rotation_carries_one_direction_to_another(rng):
     before, after, vectors = units(rng, 200), units(rng, 200), units(rng, 200)
     np.testing.assert_allclose(carried(before, before, after), after, atol=1e-9)

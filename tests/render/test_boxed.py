@@ -13,7 +13,7 @@ from shrm_cli.geometry.mesh import make_mesh
 from shrm_cli.prefilter import prefilter
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.proxy import ProxyBox
-from shrm_cli.render.boxed import Placed
+from shrm_cli.render.boxed import Placed, outside
 from shrm_cli.render.camera import Lens, Viewer, aimed
 from shrm_cli.render.mesh import MeshSubject
 from shrm_cli.render.stage import Actor, Look, Stage
@@ -100,6 +100,21 @@ def test_a_map_without_a_box_has_no_place():
     made = prefilter(replace(seen(AT), proxy=None), to="irradiance")
     with pytest.raises(ArgumentError, match="has none"):
         Placed.of(made, made, "map.exr", AT, None)
+
+
+@pytest.mark.parametrize(
+    ("beyond", "share", "is_told"),
+    [(0.007, 1.0, False), (0.014, 1.0, True), (0.5, 0.007, False), (0.5, 0.014, True)],
+)
+def test_what_stands_at_the_walls_is_in_the_room_and_what_is_beyond_them_is_told(
+    rng, beyond, share, is_told
+):
+    """A hundredth of the box's edge beyond a wall, and a hundredth of all points, are no other
+    place."""
+    made = prefilter(seen(AT, 8), to="irradiance")
+    points = rng.uniform(LOW, HIGH, (1000, 3))
+    points[: int(1000 * share), 0] = HIGH[0] + beyond * (HIGH - LOW)[0]
+    assert bool(outside([made], ["m.exr"], points)) == is_told
 
 
 def colored_room():

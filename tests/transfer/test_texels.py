@@ -137,6 +137,13 @@ def test_charts_that_are_made_show_no_seam():
         np.testing.assert_allclose(found, factors * harmonics(2, normals), atol=0.02)
 
 
+@pytest.mark.parametrize(("mesh", "size"), [(meshes.sphere(3), 160), (meshes.box(False), 64)])
+def test_charts_that_are_made_take_the_texels_that_are_given(mesh, size):
+    """They are packed again, at another scale, until hardly any room is left."""
+    pytest.importorskip("xatlas", reason="xatlas is not installed")
+    assert 0.95 * size < max(charted(mesh, size).rows.shape) <= size
+
+
 def test_charts_of_more_vertices_than_triangles_fit():
     """Sides that share no vertices have four of them for two triangles each."""
     pytest.importorskip("xatlas", reason="xatlas is not installed")

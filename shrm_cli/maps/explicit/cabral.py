@@ -8,9 +8,6 @@ from shrm_cli.maps.explicit.explicit import ExplicitMap
 
 _COUNT = 12
 """The number of vertices of an icosahedron."""
-_MARGIN = 0.25
-"""The margin for the cosine between the vertices of one edge, which is 1/sqrt(5). The cosine
-between the vertices that come next is -1/sqrt(5), well below."""
 
 
 def _vertices() -> Array:
@@ -26,7 +23,7 @@ def _triangles(vertices: Array) -> NDArray[np.intp]:
 
     The vertices of a face are in counter-clockwise order as seen from outside.
     """
-    near = vertices @ vertices.T > 1 / np.sqrt(5) - _MARGIN
+    near = vertices @ vertices.T > 0  # 1/sqrt(5) along an edge, and -1/sqrt(5) to those beyond
     faces = [
         (a, b, c) if np.linalg.det(vertices[[a, b, c]]) > 0 else (a, c, b)
         for a in range(_COUNT)
