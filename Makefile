@@ -147,7 +147,7 @@ torch: $(VENV)/.torch
 # Blender as a module, in an environment of its own: it takes one version of Python.
 $(VENV)-blender/.made:
 	@$(BLENDER_PYTHON) -m venv $(VENV)-blender || \
-	  { echo 'The wheels of bpy need this version of Python; name it: make blender BLENDER_PYTHON=PATH'; exit 1; }
+	  { echo 'Blender as a module needs $(BLENDER_PYTHON) with venv; where is it? make blender BLENDER_PYTHON=PATH'; exit 1; }
 	$(VENV)-blender/bin/python -m pip install --quiet --disable-pip-version-check bpy
 	@touch $@
 
@@ -186,7 +186,7 @@ survey: $(VENV)/.dev
 scale: $(VENV)/.dev
 	$(BIN)/python -m research build/paper --scale $(TABLES_FLAGS)
 
-# Five minutes; the table is part of the package, so that nothing needs this unless the fit changes.
+# Five minutes; its tables are part of the package: nothing needs this unless the fit changes.
 taps: $(VENV)/.dev
 	$(BIN)/python -m research.taps $(TAPS_FLAGS)
 
