@@ -234,7 +234,7 @@ batch: $(VENV)/.installed
 
 clean:
 	rm -rf build mutants .pytest_cache .mypy_cache .ruff_cache .hypothesis
-	find shrm_cli tests -name node_modules -prune -o -name __pycache__ -type d -exec rm -rf {} +
+	find examples research shrm_cli tests -name node_modules -prune -o -name __pycache__ -type d -exec rm -rf {} +
 
 distclean: clean
 	rm -rf $(VENV) $(VENV)-blender shrm_cli.egg-info shrm_cli/_version.py tests/web/node_modules tests/site/node_modules
