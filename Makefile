@@ -56,7 +56,7 @@ help:
 	@echo 'make blender   test the extension and exports in Blender, which it installs as a module'
 	@echo 'make engines   PROBE=x.exr: its light in engines of the web beside ours'
 	@echo 'make fuzz      MINUTES=10: damaged and lying files, and what goes wrong with them'
-	@echo 'make mutants   change the planner in a hundred ways, and tell which ones no test notices'
+	@echo 'make mutants   change the planner in hundreds of ways, and tell which ones no test notices'
 	@echo 'make bench     measure against other tools, as ratios, into README'
 	@echo "make tables    the paper's tables and figures, and what is seen, into build/paper/"
 	@echo 'make survey    MEASURED="...": what all BRDFs cost, into build/paper/'
@@ -165,12 +165,13 @@ browser: $(VENV)/.made
 fuzz: $(VENV)/.dev
 	$(BIN)/python -m tests.fuzz --minutes $(MINUTES) $(FUZZ_FLAGS)
 
-# mutmut changes shrm_cli/plan in a hundred ways, in a copy, and tells which ones no test notices.
+# mutmut changes shrm_cli/plan in hundreds of ways, in a copy, and tells which ones no test notices.
 mutants: $(VENV)/.dev
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[mutants]'
 	rm -rf mutants
 	$(BIN)/mutmut run
 	$(BIN)/mutmut results
+	@echo 'What each of them changes: $(BIN)/mutmut show NAME'
 
 bench: $(VENV)/.dev
 	$(BIN)/python -m tests.benchmarks $(BENCH)
