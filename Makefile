@@ -56,7 +56,7 @@ help:
 	@echo 'make blender   test the extension and exports in Blender, which it installs as a module'
 	@echo 'make engines   PROBE=x.exr: its light in engines of the web beside ours'
 	@echo 'make fuzz      MINUTES=10: damaged and lying files, and what goes wrong with them'
-	@echo 'make mutants   change the planner in a hundred ways, and tell which ones no test notices'
+	@echo 'make mutants   change the planner in hundreds of ways, and tell which ones no test notices'
 	@echo 'make bench     measure against other tools, as ratios, into README'
 	@echo "make tables    the paper's tables and figures, and what is seen, into build/paper/"
 	@echo 'make survey    MEASURED="...": what all BRDFs cost, into build/paper/'
@@ -147,7 +147,7 @@ torch: $(VENV)/.torch
 # Blender as a module, in an environment of its own: it takes one version of Python.
 $(VENV)-blender/.made:
 	@$(BLENDER_PYTHON) -m venv $(VENV)-blender || \
-	  { echo 'The wheels of bpy need this version of Python; name it: make blender BLENDER_PYTHON=PATH'; exit 1; }
+	  { echo 'Blender as a module needs $(BLENDER_PYTHON) with venv; where is it? make blender BLENDER_PYTHON=PATH'; exit 1; }
 	$(VENV)-blender/bin/python -m pip install --quiet --disable-pip-version-check bpy
 	@touch $@
 
@@ -165,12 +165,13 @@ browser: $(VENV)/.made
 fuzz: $(VENV)/.dev
 	$(BIN)/python -m tests.fuzz --minutes $(MINUTES) $(FUZZ_FLAGS)
 
-# mutmut changes shrm_cli/plan in a hundred ways, in a copy, and tells which ones no test notices.
+# mutmut changes shrm_cli/plan in hundreds of ways, in a copy, and tells which ones no test notices.
 mutants: $(VENV)/.dev
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[mutants]'
 	rm -rf mutants
 	$(BIN)/mutmut run
 	$(BIN)/mutmut results
+	@echo 'What each of them changes: $(BIN)/mutmut show NAME'
 
 bench: $(VENV)/.dev
 	$(BIN)/python -m tests.benchmarks $(BENCH)
@@ -186,7 +187,7 @@ survey: $(VENV)/.dev
 scale: $(VENV)/.dev
 	$(BIN)/python -m research build/paper --scale $(TABLES_FLAGS)
 
-# Five minutes; the table is part of the package, so that nothing needs this unless the fit changes.
+# Five minutes; its tables are part of the package: nothing needs this unless the fit changes.
 taps: $(VENV)/.dev
 	$(BIN)/python -m research.taps $(TAPS_FLAGS)
 
@@ -234,7 +235,7 @@ batch: $(VENV)/.installed
 
 clean:
 	rm -rf build mutants .pytest_cache .mypy_cache .ruff_cache .hypothesis
-	find shrm_cli tests -name node_modules -prune -o -name __pycache__ -type d -exec rm -rf {} +
+	find examples research shrm_cli tests -name node_modules -prune -o -name __pycache__ -type d -exec rm -rf {} +
 
 distclean: clean
 	rm -rf $(VENV) $(VENV)-blender shrm_cli.egg-info shrm_cli/_version.py tests/web/node_modules tests/site/node_modules

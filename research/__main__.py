@@ -234,15 +234,12 @@ def write_seen(folder: Path, files: Sequence[Path], extent: Extent) -> None:
         (small,) = small_probes([chosen], min(chosen.height, extent.seen_rows))
         found = seen.phong_cubes(small, extent.cube)
         cubes = page_seen.beside_cmft(found, chosen.name, extent.cube)
-        say(f"what is seen of {extent.seen[0]}")
         sections = []
-        for k, found_rows in enumerate(seen.measure(probes, extent), start=1):
+        for found_rows in seen.measure(probes, extent):
             rows += found_rows
             sections.append(page_seen.section(found_rows))
             summary = page_seen.summary(rows)
             written.write([head, page_seen.verdict(rows), summary, cubes, *sections])
-            if k < len(extent.seen):
-                say(f"what is seen of {extent.seen[k]}")
 
 
 def write_survey(folder: Path, probes: Path, measured: Sequence[str], extent: Extent) -> None:

@@ -33,9 +33,10 @@ p95 and HDR-FLIP are those of spheres of {pixels} pixels from the three views of
 against the sum over all pixels of the probe: of the relative error of the luminance, pixel by
 pixel. Negative is the share of negative pixels."""
     ways = f""""{BEFORE}" is the map that ends at the orders F and P that the tolerance .03 asks
-for, as all maps did once; "{AFTER}" is the default (as one map, without terms), which carries all
-visible orders of the light, in as many bytes. "{VIEW_ALONE}" is the map of three times the order F,
-as far as the same cubes support it, with the same P: what it misses is the view beyond P.
+for, as all maps did once; "{AFTER}" is that of `--to shrm` (as one map, without
+terms), which carries all visible orders of the light, in as many bytes. "{VIEW_ALONE}" is the map
+of three times the order F, as far as the same cubes support it, with the same P: what it misses is
+the view beyond P.
 "{PRINCIPAL}" is the map of `--to principal` with as many cubes of the same size, or with
 {MAX_PRINCIPAL_MAPS} larger ones that take no more bytes, and "{SAME_BYTES}" the best one that takes
 no more, mostly of more cubes that are smaller."""

@@ -19,12 +19,12 @@ def _introduction(rows: Sequence[Outcome], probes: Sequence[str], height: int) -
     listed = " and ".join(f"`{probe}`" for probe in probes)
     text = f"""{len(specs)} BRDFs under {listed}, averaged down to {height} rows for maps and truth
 alike: every model that `shrm brdf` lists, over its useful range, plastics as sums, and the measured
-files that were named. Each is prefiltered with the defaults and with `--to principal`, without a
-cache. Seconds are processor time, of all threads; MB are those of half precision, before they are
-packed. Predicted is the relative RMS error. p95 is that of the relative error of the luminance over
-the visible pixels of spheres from the three views of `shrm compare`, against the sum over all
-pixels of the probe, and negative is the share of negative pixels."""
-    return f"# All BRDFs, at the defaults\n\n{fill(text, 100)}\n"
+files that were named. Each is prefiltered with `--to shrm` and with `--to principal`, at the
+defaults of both, without a cache. Seconds are processor time, of all threads; MB are those of half
+precision, before they are packed. Predicted is the relative RMS error. p95 is that of the relative
+error of the luminance over the visible pixels of spheres from the three views of `shrm compare`,
+against the sum over all pixels of the probe, and negative is the share of negative pixels."""
+    return f"# All BRDFs, as SHRMs and as principal maps\n\n{fill(text, 100)}\n"
 
 
 def _marked(rows: Sequence[Outcome]) -> str:

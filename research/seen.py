@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from research.extent import FULL, Extent
 from research.glossy_truth import Light, Sphere, light_of, sphere
-from research.inputs import small_probes
+from research.inputs import say, small_probes
 from research.looked_up import looked_up
 from research.pairs import Pairs, bright_pairs
 from shrm_cli import settings
@@ -186,6 +186,7 @@ def measure(probes: Sequence[Probe], extent: Extent = FULL) -> Iterator[list[See
         truths = [lit(brdf, each.normals, each.views, light) for each in spheres]
         rows = []
         for k, probe in enumerate(probes):
+            say(f"what is seen of {spec} under {probe.name}")
             own = slice(3 * k, 3 * k + 3)
             made = make_maps(brdf, probe)
             pairs = error_pairs(made, extent.seen_pairs)

@@ -1,4 +1,4 @@
-"""A survey of all BRDFs: what maps cost and how near to the truth they are, at the defaults."""
+"""A survey of all BRDFs: what SHRMs and principal maps cost, and how near to the truth they are."""
 
 import time
 from collections.abc import Iterator, Sequence

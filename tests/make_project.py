@@ -48,7 +48,7 @@ class Project:
         self.folder = folder
         shutil.copy(ROOT / "Makefile", folder)
         shutil.copy(ROOT / "pyproject.toml", folder)
-        for name in ("probes", "shrm_cli", "tests"):
+        for name in ("examples", "probes", "research", "shrm_cli", "tests"):
             (folder / name).mkdir()
         shutil.copy(ROOT / "probes" / "batch.py", folder / "probes")
         (folder / ".venv" / "bin").mkdir(parents=True)

@@ -5,9 +5,11 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
+from tests.benchmarks import __main__ as benchmarks
 from tests.benchmarks.__main__ import main
 from tests.benchmarks.bench_start import _copies, _environment, last_release
 from tests.benchmarks.results import END, README, START, block, merged, read_results, replaced
@@ -74,6 +76,24 @@ def test_unknown_benchmarks_are_refused(capsys):
     with pytest.raises(SystemExit):
         main(["strat"])
     assert "no benchmark is called 'strat'; there are sphere, start" in capsys.readouterr().err
+
+
+def test_rows_are_told_as_they_are_measured(monkeypatch, capsys):
+    """All of them together take minutes, which were silent."""
+
+    def rows():
+        yield ROWS[0]
+        assert "a | b" in capsys.readouterr().out
+        yield ROWS[1]
+
+    fake = ModuleType("tests.benchmarks.bench_fake")
+    fake.rows = rows
+    monkeypatch.setitem(sys.modules, fake.__name__, fake)
+    monkeypatch.setattr(benchmarks, "MODULES", [fake.__name__])
+    monkeypatch.setattr(benchmarks, "limit_small_products", lambda: None)
+    monkeypatch.setenv("PYTHONDONTWRITEBYTECODE", "")
+    main(["--print", "fake"])
+    assert "1 of 1 bars missed" in capsys.readouterr().out
 
 
 def test_without_git_the_last_release_is_left_out_with_a_line(tmp_path, capsys):

@@ -240,8 +240,11 @@ def test_defaults_are_every_shipped_probe_and_four_brdfs(project):
 
 def test_clean_removes_what_was_built(project):
     assert project.batch().returncode == 0
+    for name in ("examples", "research", "shrm_cli", "tests"):
+        (project.folder / name / "part" / "__pycache__").mkdir(parents=True)
     assert project.make("clean").returncode == 0
     assert not (project.folder / "build").exists()
+    assert not list(project.folder.rglob("__pycache__"))
     assert (project.folder / ".venv").exists()
     assert (project.folder / "probes" / "a.exr").exists()
     assert project.make("distclean").returncode == 0

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from research.inputs import probe_files
+from research.inputs import probe_files, say
 from research.taps.fit import even_fitted, even_kinds, even_nodes, fitted, kinds, nodes
 from research.taps.lobes import Norm, mean_spectrum
 from research.taps.table import even_table, table
@@ -20,7 +20,7 @@ TABLES = ROOT / "shrm_cli" / "brdf" / "environment"
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Fit all taps to the light of the probes of a folder; it takes ten minutes."""
+    """Fit all taps to the light of the probes of a folder, which takes five minutes."""
     parser = argparse.ArgumentParser(prog="python -m research.taps", description=__doc__)
     parser.add_argument("--probes", type=Path, default=ROOT / "probes" / "real")
     parser.add_argument("--output", type=Path, default=TABLES, help="a folder")
@@ -32,6 +32,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         files = probe_files(given.probes)
         print("\n".join([*even_table(files, **more), "", *table(files, **more)]))
         return
+    say("lobes")
     norm = Norm(mean_spectrum(probe_files(given.probes)))
     even, brushed = even_nodes(norm), nodes(norm)
     _write(
@@ -53,6 +54,7 @@ def _write(
         for kind, row in zip(letters, rows.tolist(), strict=True):
             lines.append(f"{count},{kind},{','.join(f'{x:.5g}' for x in row)}")
     path.write_text("\n".join(lines) + "\n", encoding="ascii")
+    say(f"The polynomials are {path.resolve()}")
 
 
 if __name__ == "__main__":

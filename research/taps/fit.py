@@ -133,19 +133,22 @@ def fitted(
     count: int, norm: Norm, among: list[Node], told: Callable[[str], None] = print
 ) -> np.ndarray:
     """Return the coefficients of the polynomials of brushed GGX, in the order of `kinds`."""
-    return _fitted(kinds(count), np.array(_STARTS[count]), norm, among, told)
+    title = f"brushed GGX, {count} taps"
+    return _fitted(kinds(count), np.array(_STARTS[count]), norm, among, told, title)
 
 
 def even_fitted(
     count: int, norm: Norm, among: list[Node], told: Callable[[str], None] = print
 ) -> np.ndarray:
     """Return the coefficients of the polynomials of even GGX, in the order of `even_kinds`."""
-    return _fitted(even_kinds(count), np.array(_EVEN_STARTS[count]), norm, among, told)
+    title = f"even GGX, {count} taps"
+    return _fitted(even_kinds(count), np.array(_EVEN_STARTS[count]), norm, among, told, title)
 
 
 def _fitted(
-    names: str, first: np.ndarray, norm: Norm, among: list[Node], told: Callable[[str], None]
-) -> np.ndarray:
+    names: str, first: np.ndarray, norm: Norm, among: list[Node],
+    told: Callable[[str], None], title: str,
+) -> np.ndarray:  # fmt: skip
     """Fit polynomials to nodes; return coefficients of shape (numbers, monomials)."""
     size = len(names), len(among[0].basis)
 
@@ -177,6 +180,6 @@ def _fitted(
         else:
             return found
         gain, found, best, damping = 1 - error / best, tried, error, max(damping / 5, 1e-6)
-        told(f"{names}: error {np.sqrt(best / len(among)):.2%}")
+        told(f"{title}: error {np.sqrt(best / len(among)):.2%}")
         if gain < _ENOUGH:
             return found

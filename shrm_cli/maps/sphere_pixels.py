@@ -95,7 +95,7 @@ def sample_tangents(count: int) -> Array:
 
 @record(eq=False)
 class Pixels:
-    """Points at which lobes about the mirror direction or the normal are lit; see `pixels`."""
+    """Points at which lobes about a central direction are lit; see `pixels`."""
 
     center: Center
     rings: Rings
@@ -120,16 +120,23 @@ class Pixels:
 
     @cached_property
     def normals(self) -> Array:
-        """Those of the surfaces, of the same shape; read-only."""
-        centers = np.broadcast_to(self.rings.frames[:, None, None, :, 2], self.views.shape)
-        return bisector(centers, self.views) if self.center == "reflection" else centers
+        """Those of the surfaces, of the same shape; read-only. Of fibres it is any of them."""
+        beside = self._along(0 if self.center == "tangent" else 2)
+        return bisector(beside, self.views) if self.center == "reflection" else beside
+
+    def _along(self, axis: int) -> Array:
+        """Return an axis of the frames about the central directions, of which 2 is the last."""
+        return np.broadcast_to(self.rings.frames[:, None, None, :, axis], self.views.shape)
 
     def tangents(self, at: tuple[Indices, ...]) -> Array:
         """Return the tangents of surfaces at some of the points, shape (..., 3).
 
         `at` are the indices of their directions, views and azimuths, each of shape (...). The
-        azimuths of the views from the tangents are those of `sample_tangents`.
+        azimuths of the views from the tangents are those of `sample_tangents`. Fibres have their
+        central directions.
         """
+        if self.center == "tangent":
+            return self._along(2)[at]
         normals, views = self.normals[at], self.views[at]
         towards = normalize(views - np.sum(normals * views, axis=-1, keepdims=True) * normals)
         azimuth = sample_tangents(self.views.shape[1])[at[1], None]

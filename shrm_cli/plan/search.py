@@ -297,7 +297,10 @@ def kept_in_fewest(rows: Iterable[Row[Candidate[M]]], goal: Goal) -> Candidate[M
             return rough
         shares = allowed.wrong_share, exact.wrong_share, rough.wrong_share
         most, with_look_ups, without = (0.0 if share is None else share for share in shares)
-        allowed = replace(allowed, wrong_share=most - (with_look_ups - without))
+        room = most - (with_look_ups - without)
+        if room <= 0:  # look-ups alone show more wrong pixels than there may be
+            break
+        allowed = replace(allowed, wrong_share=room)
     return None
 
 

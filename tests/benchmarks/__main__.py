@@ -9,7 +9,7 @@ from importlib import import_module
 
 from shrm_cli.settings import limit_small_products
 from tests.benchmarks.results import merged, read_results, write
-from tests.benchmarks.table import print_table
+from tests.benchmarks.table import Row, print_table
 
 MODULES = [
     "tests.benchmarks.bench_sphere",
@@ -38,7 +38,12 @@ def main(arguments: list[str] | None = None) -> None:
     chosen = [module for module, name in zip(MODULES, names, strict=True)
               if name in (given.names or names)]  # fmt: skip
     loaded = [import_module(module) for module in chosen]  # what is missing is told before work
-    made = {module.__name__.rpartition("bench_")[2]: list(module.rows()) for module in loaded}
+    made: dict[str, list[Row]] = {}
+    for module in loaded:
+        found = made.setdefault(module.__name__.rpartition("bench_")[2], [])
+        for row in module.rows():
+            print(f"{row.ratio:.2f} of the reference: {row.name}", flush=True)
+            found.append(row)
     print_table(row for rows in made.values() for row in rows)
     if not given.print:
         results = merged(read_results(), made)

@@ -306,22 +306,24 @@ def test_after_a_good_map_of_few_bytes_come_others_of_few_bytes():
 
 def test_exact_errors_are_found_of_good_maps_alone():
     """They take ten times as long as shares of wrong pixels."""
-    found = []
+    found, shared = [], []
 
     def seen(bytes_, error, wrong):
         exact = Candidate("rough", bytes_, 1, error, float, int)
-        closely = partial(found.append, bytes_)
+        closely, share = partial(found.append, bytes_), partial(shared.append, bytes_)
         return Candidate(
-            "rough", bytes_, 1, error, lambda: wrong, int, find_exact=lambda: closely() or exact
-        )
+            "rough", bytes_, 1, error, lambda: share() or wrong, int,
+            find_exact=lambda: closely() or exact,
+        )  # fmt: skip
 
     row = [seen(size, 0.01, 0.5 / size) for size in range(1, 33)]
     kept = kept_in_fewest([Row(32, *_row(row))], Goal())
     assert kept.bytes == 10
     assert set(found) <= set(range(10, 33))
+    assert len(shared) <= 6  # by halving alone
 
 
-@pytest.mark.parametrize(("added", "size"), [(0.02, 17), (0.0, 10), (0.06, None)])
+@pytest.mark.parametrize(("added", "size"), [(0.02, 17), (0.0, 10), (0.05, None), (0.06, None)])
 def test_room_is_left_for_wrong_pixels_that_a_closer_look_shows(added, size):
     def seen(bytes_):
         share = 0.5 / bytes_
@@ -427,6 +429,8 @@ def test_both_errors_are_judged():
     assert seen.badness(Goal(0.05, 0.02)) == pytest.approx(2)
     assert not seen.keeps(Goal(0.05, 0.02))
     assert seen.wrong_share is seen.wrong_share
+    at_least = Candidate("made", 1, 1, 0.02, unknown, int, find_least_share=lambda: 0.3)
+    assert at_least.badness(Goal(0.05, 0.1)) == pytest.approx(3)
 
 
 @pytest.mark.parametrize(

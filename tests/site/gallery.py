@@ -128,6 +128,7 @@ def section(folder: Path, probe: str, name: str, pixels: int) -> str:
          "--exposure", PROBES[probe], "-o", os.path.relpath(folder / page, ROOT))  # fmt: skip
     sizes = [(ROOT / file).stat().st_size for file in files]
     shutil.rmtree(work)
+    print(f"{name} under {probe}", flush=True)
     found = json.loads(told)["summary"]
     rows = [_row(*each) for each in zip(material.forms, sizes, found, strict=True)]
     return _SECTION.format(

@@ -72,8 +72,12 @@ def _inner(command: click.Command, context: click.Context) -> Iterator[tuple[str
 
 
 def _text(text: str) -> str:
-    """Return a line that means itself: hyphens that can be copied, and no request of roff's."""
-    return re.sub(r"^(?=[.'])", r"\\&", text.replace("\\", r"\e").replace("-", r"\-"))
+    """Return a line that means itself: hyphens that can be copied, and no request of roff's.
+
+    Lists of values may be broken after each bar.
+    """
+    text = text.replace("\\", r"\e").replace("-", r"\-").replace("|", r"|\:")
+    return re.sub(r"^(?=[.'])", r"\\&", text)
 
 
 if __name__ == "__main__":

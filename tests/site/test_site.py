@@ -96,6 +96,18 @@ def test_a_page_of_the_manual_shows_all_that_help_says(manual):
             assert done.stderr == "", name
 
 
+def test_pages_of_the_manual_fit_into_80_columns(manual):
+    """Long lists of an option's values stood out, as they had no place to be broken at."""
+    groff = shutil.which("groff")
+    if groff is None:
+        pytest.skip("groff is not installed")
+    for name, text in manual.items():
+        if name.endswith(".1"):
+            options = ["-K", "utf8", "-man", "-Tutf8", "-rLL=80n", "-wbreak"]
+            done = subprocess.run([groff, *options], input=text, capture_output=True, text=True)
+            assert done.stderr == "", name
+
+
 def test_pages_of_docs_are_in_the_navigation():
     told = set(re.findall(r"[\w/-]+\.md", (ROOT / "mkdocs.yml").read_text()))
     docs = ROOT / "docs"
