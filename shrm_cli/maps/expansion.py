@@ -253,28 +253,27 @@ def predicted_wrong_share(expansions: Sequence[Expansion], made: Map | None = No
     return wrong_share(_light_of(expansions), missed, look_ups)
 
 
-def shown_wrong_share(expansions: Sequence[Expansion], map_: Map) -> float | None:
+def shown_wrong_share(expansions: Sequence[Expansion], map_: Map) -> float:
     """Return the share of a map that was made from SHRMs, with the errors of its own form.
 
     `expansions` are light and BRDF, for each term of a sum. The radiance of `map_` is looked up at
     the sample points, exactly and not as on a GPU.
 
-    Returns it in 0 .. 1, or None about the tangent, which normals and views do not tell.
+    Returns it in 0 .. 1.
     """
     groups = together(_lobes_of(each)[0] for each in expansions)
-    center = groups[0].center
-    if center == "tangent":
-        return None
     lighting = _light_of(expansions)
     whole, _ = lit(lighting.coefficients * LUMINANCE, groups)
     # Lobes are those of 2 pi times the BRDF.
     at = judged(groups)
-    normals, views = at.normals[::_APART], at.views[::_APART]
-    shown = 2 * np.pi * map_.radiance(normals, views) @ LUMINANCE
+    places = np.ix_(np.arange(0, len(whole), _APART), *map(np.arange, whole.shape[1:]))
+    normals = np.broadcast_to(at.normals, at.views.shape)[places]
+    points = normals, at.tangents(places), at.views[places]
+    shown = 2 * np.pi * map_.shaded().brushed_radiance(*points) @ LUMINANCE
     return share_of_points(lighting, groups, whole[::_APART], shown - whole[::_APART], _APART)
 
 
-def map_wrong_share(expansions: Sequence[Expansion], map_: Map) -> float | None:
+def map_wrong_share(expansions: Sequence[Expansion], map_: Map) -> float:
     """Return the share of an SHRM or of a sum of them; compression adds errors of its own."""
     info = map_.info
     if info.added_error:
