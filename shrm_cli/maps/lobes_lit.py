@@ -220,10 +220,10 @@ def lit(light: Array, groups: Sequence[Lobes]) -> tuple[Array, Array]:
     Returns `whole` and `error`, each of shape (directions, views, azimuths).
     """
     first, *others = groups
-    views, at = max(each.whole.shape[2] for each in groups), judged(groups)
+    at = judged(groups)
     values = _about_own(light, first, at)
     for each in others:
-        values = values + _about_own(light, each.recentered(views), at)
+        values = values + _about_own(light, each.recentered(len(at.theta_o)), at)
     return values[0], values[1]
 
 

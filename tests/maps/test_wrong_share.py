@@ -41,10 +41,20 @@ POINTS = 1500
 SUM = "0.7*lambertian+0.1*microfacet:sigma=0.3"
 
 
-def of_sum(reflection, view, light):
+LACQUER = "0.7*lambertian+0.3*phong:exponent=20"
+
+
+def matte(reflection, view, light):
     normal = (reflection + view) / np.linalg.norm(reflection + view)
-    matte = np.maximum(light @ normal, 0) / np.pi
-    return 0.7 * matte + 0.1 * MICROFACET(reflection, view, light)
+    return np.maximum(light @ normal, 0) / np.pi
+
+
+def of_sum(*directions):
+    return 0.7 * matte(*directions) + 0.1 * MICROFACET(*directions)
+
+
+def of_lacquer(*directions):
+    return 0.7 * matte(*directions) + 0.3 * brute_force.phong(20)(*directions)
 
 
 @pytest.fixture(scope="module")
@@ -84,6 +94,7 @@ def share(pixels, rho_hat, made):
     ("shrm", SUM, of_sum, {"split": True, "eps": 0.2, "compress": 2}, (0.1, 0.9)),
     ("principal", SUM, of_sum, {"maps": 3}, (0.02, 0.9)),
     ("principal", "phong:exponent=20", brute_force.phong(20), {"maps": 1, "size": 8}, (0.03, 0.2)),
+    ("principal", LACQUER, of_lacquer, {"maps": 2, "size": 8}, (0.0, 0.2)),
 ])  # fmt: skip
 def test_it_is_what_brute_force_counts(light, to, spec, rho_hat, given, range_):
     made = prefilter_with_facts(Probe.from_array(light), to, {"brdf": spec, **given})
