@@ -90,15 +90,17 @@ class Scene:
 
         Where few harmonics are negative, beside lamps, it is black, as no light is less than none.
         """
+        # A sheet that is too large is refused by its layout, before anything is drawn.
+        count = 1 if self.layout is None else len(self.materials)
         behind = None
         if self.surroundings is not None:
             behind = self.subject.background(self.surroundings, viewer)
         tiles = []
-        stages = Stages(progress, len(self.materials))
+        stages = Stages(progress, count)
         for index, each in enumerate(self.materials):
             drawn = self.subject.draw(each, viewer, behind, stages.within)
             tiles.append(np.maximum(drawn, 0).astype(np.float32, copy=False))
-            stages.done(index + 1, len(self.materials))
+            stages.done(index + 1, count)
         return tiles
 
     def put_together(self, tiles: Sequence[Picture]) -> Picture:
