@@ -222,12 +222,11 @@ as cloth does: in an interior 2.5 % of the pixels of `charlie` seemed wrong with
 are, and 5.6 % with as many orders."""
 _NODES = 60, 18
 """The least numbers of nodes in theta_i and phi at which lobes are sampled."""
-_NODES_AN_ORDER = 1.5
-"""The least number of nodes in phi, over half a turn, for each azimuthal order of the lobes."""
 _NODES_A_DEGREE = 1.5
-"""The least number of nodes in theta_i for each degree of the lobes, below which high degrees are
-noise. Nodes crowd where a lobe is sharp, but some BRDFs are broad besides: with 480 nodes for 512
-degrees of `coated`, 70 % of an SHRM's pixels seemed wrong in an interior, and 34 % are."""
+"""The least number of nodes in theta_i for each degree of the lobes, and of those in phi, over half
+a turn, for each azimuthal order. With fewer high degrees are noise. Nodes crowd where a lobe is
+sharp, but some BRDFs are broad besides: with 480 nodes for 512 degrees of `coated`, 70 % of an
+SHRM's pixels seemed wrong in an interior, and 34 % are."""
 _MOST_SAMPLES = 2**19
 """The most samples of a BRDF at a time."""
 _ACCURACY = 5e-4, 0.3
@@ -314,7 +313,7 @@ def _sampled(brdf: Brdf, order: int, max_q: int, angles: Array, accuracy: float)
     """Sample lobes until they miss no more of the energy than allowed, or as finely as allowed."""
     least, least_azimuths = _NODES
     count = 12 * int(np.ceil(max(least, _NODES_A_DEGREE * order) / 12))
-    azimuth_count = 3 * int(np.ceil(max(least_azimuths, _NODES_AN_ORDER * max_q) / 3))
+    azimuth_count = 3 * int(np.ceil(max(least_azimuths, _NODES_A_DEGREE * max_q) / 3))
 
     @cache
     def expander() -> LobeExpander:
