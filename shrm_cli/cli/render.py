@@ -337,9 +337,10 @@ def _default_name(
     maps: Sequence[str], probe: str | None, mesh: str | None, frames: int | None
 ) -> str:
     """Return the name of a picture of maps, or where there are none, of what a probe lights."""
-    stem = "sheet" if len(maps) > 1 else "".join(map_stem(path) for path in maps)
-    if probe and not maps:
-        stem = probe_stem(probe)
+    if maps:
+        stem = map_stem(maps[0]) if len(maps) == 1 else "sheet"
+    else:
+        stem = probe_stem(probe) if probe else ""
     if mesh is not None:
         stem = f"{stem}.{Path(mesh).stem}".lstrip(".")
     return f"{stem}.png" if frames is None else f"{stem}.%04d.png"

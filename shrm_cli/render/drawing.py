@@ -90,17 +90,16 @@ class Scene:
 
         Where few harmonics are negative, beside lamps, it is black, as no light is less than none.
         """
-        # A sheet that is too large is refused by its layout, before anything is drawn.
-        count = 1 if self.layout is None else len(self.materials)
+        _ = self.layout  # which refuses a sheet that is too large, before anything is drawn
         behind = None
         if self.surroundings is not None:
             behind = self.subject.background(self.surroundings, viewer)
         tiles = []
-        stages = Stages(progress, count)
+        stages = Stages(progress, len(self.materials))
         for index, each in enumerate(self.materials):
             drawn = self.subject.draw(each, viewer, behind, stages.within)
             tiles.append(np.maximum(drawn, 0).astype(np.float32, copy=False))
-            stages.done(index + 1, count)
+            stages.done(index + 1, len(self.materials))
         return tiles
 
     def put_together(self, tiles: Sequence[Picture]) -> Picture:

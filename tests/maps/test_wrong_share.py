@@ -39,8 +39,6 @@ MATERIALS = (
 MICROFACET = brute_force.microfacet(0.3)
 POINTS = 1500
 SUM = "0.7*lambertian+0.1*microfacet:sigma=0.3"
-
-
 LACQUER = "0.7*lambertian+0.3*phong:exponent=20"
 
 

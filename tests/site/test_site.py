@@ -65,6 +65,20 @@ def manual(tmp_path_factory):
     return {path.name: path.read_text(encoding="utf-8") for path in folder.iterdir()}
 
 
+@pytest.fixture
+def set_page():
+    """Sets a page of the manual as `man` does, with options of groff; what groff did."""
+    groff = shutil.which("groff")
+    if groff is None:
+        pytest.skip("groff is not installed")
+
+    def run(text, *options):
+        command = [groff, "-K", "utf8", "-man", "-Tutf8", *options]
+        return subprocess.run(command, input=text, capture_output=True, text=True, check=True)
+
+    return run
+
+
 def test_the_manual_has_a_page_of_every_command_that_others_name(manual):
     assert {"shrm-probe-sky.1", "shrm.bash", "shrm.zsh", "shrm.fish"} <= set(manual)
     named = set(re.findall(r"^\.BR (\S+) \(1\)$", "\n".join(manual.values()), re.M))
@@ -75,17 +89,11 @@ def test_the_manual_has_a_page_of_every_command_that_others_name(manual):
         assert rf".BR shrm\-{name} (1)" in manual["shrm.1"]
 
 
-def test_a_page_of_the_manual_shows_all_that_help_says(manual):
+def test_a_page_of_the_manual_shows_all_that_help_says(manual, set_page):
     """As `man` sets it, which would leave out lines that it takes for requests."""
-    groff = shutil.which("groff")
-    if groff is None:
-        pytest.skip("groff is not installed")
     for name, text in manual.items():
         if name.endswith(".1"):
-            options = ["-K", "utf8", "-man", "-Tutf8", "-P-cbou", "-rHY=0", "-rLL=500n"]
-            done = subprocess.run(
-                [groff, *options], input=text, capture_output=True, text=True, check=True
-            )
+            done = set_page(text, "-P-cbou", "-rHY=0", "-rLL=500n")
             command, context = cli, click.Context(cli)
             for part in name.removesuffix(".1").split("-")[1:]:
                 command = command.get_command(context, part)
@@ -96,16 +104,11 @@ def test_a_page_of_the_manual_shows_all_that_help_says(manual):
             assert done.stderr == "", name
 
 
-def test_pages_of_the_manual_fit_into_80_columns(manual):
+def test_pages_of_the_manual_fit_into_80_columns(manual, set_page):
     """Long lists of an option's values stood out, as they had no place to be broken at."""
-    groff = shutil.which("groff")
-    if groff is None:
-        pytest.skip("groff is not installed")
     for name, text in manual.items():
         if name.endswith(".1"):
-            options = ["-K", "utf8", "-man", "-Tutf8", "-rLL=80n", "-wbreak"]
-            done = subprocess.run([groff, *options], input=text, capture_output=True, text=True)
-            assert done.stderr == "", name
+            assert set_page(text, "-rLL=80n", "-wbreak").stderr == "", name
 
 
 def test_pages_of_docs_are_in_the_navigation():

@@ -5,6 +5,7 @@ colors. What is left out has its default.
 """
 
 import math
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -163,25 +164,27 @@ class Material:
 
 def chosen(name: str, names: Sequence[str], wanted: str) -> int:
     """The place of a material among those of a file, by its name or else by its number."""
-    if wanted in names and wanted:
-        same = [str(k) for k, each in enumerate(names) if each == wanted]
-        if len(same) > 1:
-            told = ", ".join(same[:_LISTED]) + (", ..." if len(same) > _LISTED else "")
-            raise BrdfError(
-                f"{name}: {len(same)} materials are called {wanted[:40]!r}; name one of them after "
-                f"a '#' by its number: {told}"
-            )
-        return names.index(wanted)
+    same = [k for k, each in enumerate(names) if each == wanted] if wanted else []
+    if len(same) == 1:
+        return same[0]
+    if same:
+        raise BrdfError(
+            f"{name}: {len(same)} materials are called {wanted[:40]!r}; name one of them after "
+            f"a '#' by its number: {_listed(list(map(str, same)))}"
+        )
     if wanted.isascii() and wanted.isdigit() and int(wanted[:9]) < len(names):
         return int(wanted)
     if not names:
         raise BrdfError(f"{name}: it has no material that can be read; name another file")
     if not wanted and len(names) == 1:
         return 0
-    listed = ", ".join(
-        each if each and names.count(each) == 1 else str(k)
-        for k, each in enumerate(names[:_LISTED])
-    )
-    more = ", ..." if len(names) > _LISTED else ""
     what = f"no material is called {wanted[:40]!r}" if wanted else "it has several materials"
-    raise BrdfError(f"{name}: {what}; name one after a '#': {listed}{more}")
+    # Those without a name of their own have a number.
+    count = Counter(names)
+    ways = [each if each and count[each] == 1 else str(k) for k, each in enumerate(names)]
+    raise BrdfError(f"{name}: {what}; name one after a '#': {_listed(ways)}")
+
+
+def _listed(ways: Sequence[str]) -> str:
+    """The first of the ways to name a material, and whether there are more."""
+    return ", ".join(ways[:_LISTED]) + (", ..." if len(ways) > _LISTED else "")
