@@ -5,7 +5,9 @@ the point at its middle, or, beside a chart, one of the chart's border. So bilin
 border find texels of the same chart on all sides, and two charts that meet show no seam.
 """
 
+from collections import deque
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -237,6 +239,10 @@ _FILLED = 0.95
 """The part of the texture's edge at which packing is tried no more."""
 _MOST_TRIALS = 6
 """The most times that charts are packed to find the scale at which they fit."""
+_atlases: deque[Any] = deque(maxlen=_MOST_TRIALS)
+"""The last atlases that were made. One that ends just as a thread of its own falls asleep waits for
+that thread forever, as one in some thousands did on a busy machine. So each ends after others have
+been made, when its threads have long been asleep."""
 
 
 def charted(mesh: Mesh, size: int) -> Sampled:
@@ -285,6 +291,7 @@ def _unwrapped(mesh: Mesh, size: int) -> tuple[Array, tuple[int, int]]:
         atlas.add_mesh(points, mesh.faces[first].astype(np.uint32), mesh.normals.astype(np.float32))
         packing.texels_per_unit = texels
         atlas.generate(xatlas.ChartOptions(), packing)
+        _atlases.append(atlas)
         edge = max(atlas.width, atlas.height)
         if edge <= size and (best is None or texels > best[0]):
             best = texels, atlas

@@ -144,6 +144,32 @@ def test_charts_that_are_made_take_the_texels_that_are_given(mesh, size):
     assert 0.95 * size < max(charted(mesh, size).rows.shape) <= size
 
 
+def test_no_atlas_ends_as_soon_as_it_is_made(monkeypatch):
+    """Its threads may be falling asleep then, and it waits for them forever; nor are all kept."""
+    xatlas = pytest.importorskip("xatlas", reason="xatlas is not installed")
+    made, ended, real = [], [], xatlas.Atlas
+
+    class Watched:
+        def __init__(self):
+            self.atlas, self.number = real(), len(made)
+            made.append(self.number)
+
+        def __getattr__(self, name):
+            return getattr(self.atlas, name)
+
+        def __getitem__(self, index):
+            return self.atlas[index]
+
+        def __del__(self):
+            ended.append(len(made) - self.number)
+
+    monkeypatch.setattr(xatlas, "Atlas", Watched)
+    for _ in range(8):
+        charted(meshes.box(False), 64)
+    assert min(ended) > 5
+    assert len(made) - len(ended) < 10
+
+
 def test_charts_of_more_vertices_than_triangles_fit():
     """Sides that share no vertices have four of them for two triangles each."""
     pytest.importorskip("xatlas", reason="xatlas is not installed")
