@@ -1,11 +1,11 @@
 """What is known of BRDFs already: kept in memory, and on disk where it took long to compute.
 
 A process keeps what it needed last of all BRDFs of this package, so that the next probe finds it.
-On disk are coefficients and transfer functions, for other processes. There an entry is a file. Its
-name is a digest of all that its coefficients depend on: the BRDF with its parameters (a measured
-BRDF with the digest of its file), what is computed of it, the orders, the accuracy, and the
-program. The entry holds the digest of its own bytes; if it is damaged, its content is computed and
-written again.
+On disk are coefficients, transfer functions and lobes, for other processes. There an entry is a
+file. Its name is a digest of all that its content depends on: the BRDF with its parameters (a
+measured BRDF with the digest of its file), what is computed of it, the orders, the accuracy, and
+the program. The entry holds the digest of its own bytes; if it is damaged, its content is computed
+and written again.
 """
 
 from __future__ import annotations
@@ -36,10 +36,11 @@ from shrm_cli.records import record
 from shrm_cli.sources import COEFFICIENTS, fingerprint
 
 if TYPE_CHECKING:
+    from shrm_cli.brdf.lobe_expansion import Expansion
     from shrm_cli.brdf.transfer import TransferFunctions
 
 Known = TypeVar("Known")
-Content = TypeVar("Content", BrdfCoefficients, "TransferFunctions")
+Content = TypeVar("Content", BrdfCoefficients, "TransferFunctions", "Expansion")
 
 MOST_BYTES = 512 * 2**20
 """The size of all entries together; those that were used longest ago make room for new ones."""
@@ -88,6 +89,20 @@ def cached_transfer(
     return _cached(_transfer_kind(), brdf, (order_f, max_q, accuracy), compute)
 
 
+def cached_lobes(
+    brdf: Brdf,
+    orders: tuple[int, int],
+    counts: tuple[int, int],
+    angles: tuple[float, ...],
+    compute: Callable[..., Expansion],
+) -> Expansion:
+    """Take lobes for some views from the cache, or expand them, as `cached_coefficients` does.
+
+    `orders`, `counts`, `angles` and `compute` are those of `expand_lobes`.
+    """
+    return _cached(_lobes_kind(), brdf, (*orders, counts, angles), compute)
+
+
 def remembered(brdf: Brdf, what: tuple[Hashable, ...], make: Callable[[], Known]) -> Known:
     """Take something that follows from a BRDF from this process's memory, or make it.
 
@@ -105,16 +120,16 @@ class _Kind(Generic[Content]):
 
     content: type[Content]
     """The dataclass."""
-    most_values: Callable[[int, int], int]
-    """Takes two orders; no entry of theirs has more numbers in its arrays than what it returns, so
-    that no more is read."""
+    most_values: Callable[..., int]
+    """Takes the parameters, of which the first two are orders; no entry of theirs has more numbers
+    in its arrays than what it returns, so that no more is read."""
     fits: Callable[[Content, int, int], bool]
     """Whether an entry that was read has the two orders that are wanted."""
 
 
 _COEFFICIENTS = _Kind(
     BrdfCoefficients,
-    lambda order_f, order_p: 3 * ((order_f + 1) * ((order_p + 1) ** 2 + 1) + 1),
+    lambda order_f, order_p, _: 3 * ((order_f + 1) * ((order_p + 1) ** 2 + 1) + 1),
     lambda found, order_f, order_p: found.order_f == order_f and found.order_p in (0, order_p),
 )
 
@@ -127,15 +142,29 @@ def _transfer_kind() -> _Kind[TransferFunctions]:
     return _Kind(
         TransferFunctions,
         # Nobody knows how many views it took.
-        lambda order_f, max_q: MOST_BYTES // _LEAST_ENTRIES // _BYTES,
+        lambda *_: MOST_BYTES // _LEAST_ENTRIES // _BYTES,
         lambda found, order_f, max_q: (found.order_f, found.max_q) == (order_f, max_q),
+    )
+
+
+@functools.cache
+def _lobes_kind() -> _Kind[Expansion]:
+    """Return the kind of lobes for some views."""
+    from shrm_cli.brdf.lobe_expansion import Expansion
+
+    return _Kind(
+        Expansion,
+        lambda order_f, max_q, _, views: 8 * (max_q + 1) * (order_f + 1) * len(views),
+        lambda found, order_f, max_q: (
+            found.values.shape[1] == order_f + 1 and len(found.values) % (max_q + 1) == 0
+        ),
     )
 
 
 def _cached(
     kind: _Kind[Content],
     brdf: Brdf,
-    parameters: tuple[int, int, float],
+    parameters: tuple[int, int, Any, *tuple[Any, ...]],
     compute: Callable[..., Content],
 ) -> Content:
     """What a function computes of a BRDF, from memory, or from the cache on disk if it is there."""
@@ -149,7 +178,7 @@ def _cached(
             path = settings.cache_folder() / (hashlib.sha256(key.encode()).hexdigest() + _SUFFIX)
         except OutputError:
             return compute(brdf, *parameters)
-        found = _read(path, key, kind, parameters[:2])
+        found = _read(path, key, kind, parameters)
         if found is None:
             start = time.perf_counter()
             found = compute(brdf, *parameters)
@@ -211,14 +240,13 @@ def clear_cache() -> tuple[int, int]:
     return count, size
 
 
-def _key(compute: str, brdf: Brdf, parameters: tuple[int, int, float]) -> str | None:
+def _key(compute: str, brdf: Brdf, parameters: tuple[Any, ...]) -> str | None:
     """All that an entry depends on, as JSON; None for a BRDF that this does not identify.
 
     `compute` is the name of the function that computes it.
     """
-    *orders, accuracy = parameters
     program = [np.__version__, fingerprint(COEFFICIENTS)]
-    return _record(brdf, compute=compute, orders=orders, accuracy=accuracy, program=program)
+    return _record(brdf, compute=compute, parameters=parameters, program=program)
 
 
 def _record(brdf: Brdf, **more: Any) -> str | None:
@@ -242,7 +270,7 @@ def _record(brdf: Brdf, **more: Any) -> str | None:
         return None
 
 
-def _write(path: Path, key: str, content: BrdfCoefficients | TransferFunctions) -> None:
+def _write(path: Path, key: str, content: BrdfCoefficients | TransferFunctions | Expansion) -> None:
     """Write an entry and remove old ones beyond the limit; if that fails, go on without it."""
     values = {field.name: getattr(content, field.name) for field in dataclasses.fields(content)}
     arrays = {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
@@ -279,13 +307,15 @@ def _write(path: Path, key: str, content: BrdfCoefficients | TransferFunctions) 
         _make_room(path)
 
 
-def _read(path: Path, key: str, kind: _Kind[Content], orders: tuple[int, int]) -> Content | None:
+def _read(
+    path: Path, key: str, kind: _Kind[Content], parameters: tuple[Any, ...]
+) -> Content | None:
     """The content of an entry; None if there is no whole entry that fits the key."""
     try:
         if not path.is_file():  # opening a pipe would wait for its writer
             return None
         # An entry cannot be larger than its arrays can be, so no more than that is read.
-        most = len(_MAGIC) + _DIGEST + 4 + _MOST_HEADER + _BYTES * kind.most_values(*orders)
+        most = len(_MAGIC) + _DIGEST + 4 + _MOST_HEADER + _BYTES * kind.most_values(*parameters)
         with open(path, "rb") as stream:
             data = stream.read(most + 1)
         start = len(_MAGIC) + _DIGEST
@@ -295,7 +325,7 @@ def _read(path: Path, key: str, kind: _Kind[Content], orders: tuple[int, int]) -
         if hashlib.sha256(body).digest() != data[len(_MAGIC) : start]:
             return None
         found = _unpacked(body, key, kind.content)
-        fits = kind.fits(found, *orders)
+        fits = kind.fits(found, *parameters[:2])
     except (OSError, *_UNSOUND):
         return None
     if not fits:

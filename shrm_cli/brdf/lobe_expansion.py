@@ -133,6 +133,18 @@ class Expansion:
     miss, of all channels, shape (n,)."""
 
 
+def expand_lobes(
+    brdf: Brdf, order_f: int, max_q: int, counts: tuple[int, int], angles: tuple[float, ...]
+) -> Expansion:
+    """Expand the lobes of a BRDF for views at angles from C, radians.
+
+    `order_f` and `max_q` are the largest l and q. `counts` are the numbers of nodes in theta_i and
+    phi; see `LobeExpander.expand`.
+    """
+    expander = LobeExpander(brdf, light_rule(brdf), order_f, max_q)
+    return expander.expand(np.array(angles), *counts)
+
+
 class LobeExpander:
     """Expands lobes of one BRDF, to fixed orders, at whatever numbers of nodes.
 

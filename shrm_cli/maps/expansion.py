@@ -7,17 +7,16 @@ truncated series rings beside a lamp.
 """
 
 from collections.abc import Sequence
-from functools import cache, cached_property, partial
+from functools import cached_property
 
 import numpy as np
 
 from shrm_cli import reflected
-from shrm_cli.arrays import Array
+from shrm_cli.arrays import Array, kept_order
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.cache import remembered
+from shrm_cli.brdf.cache import cached_lobes
 from shrm_cli.brdf.coefficients import BrdfCoefficients
-from shrm_cli.brdf.lobe_expansion import Expansion as Lobe
-from shrm_cli.brdf.lobe_expansion import LobeExpander, light_rule
+from shrm_cli.brdf.lobe_expansion import expand_lobes
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.lobes_lit import Lobes, judged, lit, together
 from shrm_cli.maps.size import (
@@ -310,21 +309,17 @@ def _lobes_of(expansion: Expansion) -> tuple[Lobes, Lobes]:
 
 
 def _sampled(brdf: Brdf, order: int, max_q: int, angles: Array, accuracy: float) -> Array:
-    """Sample lobes until they miss no more of the energy than allowed, or as finely as allowed."""
+    """Sample lobes until they miss no more of the energy than allowed, or as finely as allowed.
+
+    Degrees to the `kept_order` are sampled, because probes that differ need some each.
+    """
     least, least_azimuths = _NODES
-    count = 12 * int(np.ceil(max(least, _NODES_A_DEGREE * order) / 12))
+    known = kept_order(order)
+    count = 12 * int(np.ceil(max(least, _NODES_A_DEGREE * known) / 12))
     azimuth_count = 3 * int(np.ceil(max(least_azimuths, _NODES_A_DEGREE * max_q) / 3))
-
-    @cache
-    def expander() -> LobeExpander:
-        return LobeExpander(brdf, light_rule(brdf), order, max_q)
-
-    def sample(nodes: int, azimuths: int) -> Lobe:
-        return expander().expand(angles, nodes, azimuths)
-
     while True:
-        what = "lobes", order, max_q, angles.tobytes(), count, azimuth_count
-        found = remembered(brdf, what, partial(sample, count, azimuth_count))
+        counts = count, azimuth_count
+        found = cached_lobes(brdf, (known, max_q), counts, tuple(angles.tolist()), expand_lobes)
         by_theta, by_phi = (
             each.sum() / max(found.energy.sum(), 1e-300)
             for each in (found.error_theta, found.error_phi)
@@ -334,5 +329,5 @@ def _sampled(brdf: Brdf, order: int, max_q: int, angles: Array, accuracy: float)
             azimuth_count * (2 if by_phi > accuracy / 2 else 1),
         )
         if by_theta + by_phi <= accuracy or len(angles) * finer[0] * finer[1] > _MOST_SAMPLES:
-            return found.values
+            return found.values[:, : order + 1]
         count, azimuth_count = finer

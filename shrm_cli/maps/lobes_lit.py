@@ -22,7 +22,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from shrm_cli.arrays import Array, Memo
+from shrm_cli.arrays import Array, Memo, kept_order
 from shrm_cli.maps.sphere_pixels import Pixels, Rings, pixels, sample_views
 from shrm_cli.records import record
 from shrm_cli.sphere.harmonics import complex_from_real, degrees
@@ -347,7 +347,7 @@ def _make_local_light(light: Array, order: int, orders: range, rings: Rings) -> 
     turn away.
     """
     channels, height, around = light.shape[1], rings.count, rings.around
-    middle = -(-order // around) * around
+    middle = -(-kept_order(order) // around) * around
     m = np.arange(-middle, middle + around)
     by_degree = np.zeros((order + 1, len(m), channels), np.complex64)
     by_degree[:, middle - order : middle + order + 1] = complex_from_real(light, order)
@@ -381,14 +381,19 @@ def _make_local_light(light: Array, order: int, orders: range, rings: Rings) -> 
     return result.reshape(2, len(orders), (order + 1) * channels, -1)
 
 
-def _ring_functions(order: int, orders: range, rings: Rings) -> Iterable[Array]:
-    """Return the functions on the northern rings from the `_first_degree` on.
+def _ring_functions(order: int, orders: range, rings: Rings) -> Iterator[Array]:
+    """Yield the functions on the northern rings from the `_first_degree` on.
 
-    They are what `folded_small_d` yields, kept for the next call unless they are large.
+    They are what `folded_small_d` yields to the `kept_order`, which is kept for the next call
+    unless it is large.
     """
-    north, what = rings.theta[: rings.count // 2], (order, orders, rings)
-    made = folded_small_d(order, north, orders, rings.around, _first_degree(orders), _AT_ONCE)
-    return made if order > _KEPT_ORDER else _known_rings.get(what, lambda: list(made))
+    kept, north = kept_order(order), rings.theta[: rings.count // 2]
+    first = _first_degree(orders)
+    made = folded_small_d(kept, north, orders, rings.around, first, _AT_ONCE)
+    is_kept = order <= _KEPT_ORDER
+    found = _known_rings.get((kept, orders, rings), lambda: list(made)) if is_kept else made
+    for count, functions in zip(range(order + 1 - first, 0, -_AT_ONCE), found, strict=False):
+        yield functions[:count]
 
 
 def _first_degree(orders: range) -> int:

@@ -11,10 +11,10 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shrm_cli.arrays import Array, Memo, kept_order
+from shrm_cli.arrays import Array, Indices, Memo, kept_order
 from shrm_cli.records import record
 from shrm_cli.sphere.harmonics import degrees, degrees_and_orders, order_of
-from shrm_cli.sphere.wigner import KEPT_ORDER, right_angle_degrees, shared_order
+from shrm_cli.sphere.wigner import KEPT_ORDER, right_angle_degrees, right_angle_rows, shared_order
 
 _REPEATED_ORDER = 64
 _known_blocks = Memo(2**24)
@@ -253,8 +253,8 @@ def _is_sine(count: int) -> NDArray[np.bool_]:
 def _turned_once(flat: Array, angles: tuple[Array, Array, Array]) -> Array:
     """Return functions, shape ((order+1)^2, maps), carried along by one rotation.
 
-    It is what `_turn_zyz` does, to the last bit, for a single point. Turns about z take all degrees
-    at once here, because those of single degrees are too small to be worth a call each.
+    It is what `_turn_zyz` does for a single point, for all degrees at once, because single degrees
+    are too small to be worth a call each.
     """
     order = order_of(len(flat))
     alpha, beta, gamma = angles
@@ -267,6 +267,8 @@ def _turned_once(flat: Array, angles: tuple[Array, Array, Array]) -> Array:
         return cosine[:, None] * values - sine[:, None] * values[mirrored]
 
     def product(values: Array, is_back: bool) -> Array:
+        if order <= KEPT_ORDER:
+            return _quarter_turned(values, degree, m, is_back)
         result = np.empty_like(values)
         for each, quarter_turn in enumerate(_quarter_turns(order)):
             rows = slice(each**2, (each + 1) ** 2)
@@ -277,6 +279,24 @@ def _turned_once(flat: Array, angles: tuple[Array, Array, Array]) -> Array:
         return turned(product(turned(flat, gamma), False), alpha)
     flat = product(turned(flat, gamma + np.pi / 2), False)
     return turned(product(turned(flat, beta), True), alpha - np.pi / 2)
+
+
+def _quarter_turned(values: Array, degree: Indices, m: Indices, is_back: bool) -> Array:
+    """Turn functions by Ry(pi/2), or back, by the rows that all degrees share; see `_SplitTurn`.
+
+    `values`, of shape (n, maps), are coefficients of degrees and orders, each of shape (n,).
+    """
+    order, is_sine, n = int(degree[-1]), (m < 0).astype(int), np.abs(m)
+    weights = _turn_weights(order)
+    if is_back:
+        weights = np.abs(weights)
+    weighted = weights[n, None] * values
+    split = np.zeros((order + 1, order + 1, 2, 2, values.shape[1]))
+    split[degree, n, n % 2, is_sine] = weighted
+    rows = right_angle_rows(shared_order(order))[: order + 1, : order + 1, : order + 1]
+    turned = (rows.swapaxes(0, 1) @ split.reshape(order + 1, order + 1, -1)).reshape(split.shape)
+    above = degree - n
+    return np.asarray(weights[n, None] * turned[degree, above, (above + is_sine) % 2, is_sine])
 
 
 _known_indices = Memo(2**20)

@@ -14,7 +14,7 @@ from itertools import islice
 import numpy as np
 from numpy.typing import ArrayLike
 
-from shrm_cli.arrays import Array, Memo, kept_order
+from shrm_cli.arrays import Array, Memo, kept_order, slices
 
 KEPT_ORDER = 96
 """The largest order to which values at right angles, and what is made of them, are kept."""
@@ -25,6 +25,8 @@ _MORE = 4
 more than its light, which mostly has a multiple of 8 itself."""
 _VALUES_AT_ONCE = 2**22
 """Values at right angles of higher degrees that are computed at a time."""
+_FACTORS_AT_ONCE = 2**18
+"""The factors of recurrences, of some degrees, that are computed at a time."""
 
 
 def shared_order(order: int) -> int:
@@ -48,21 +50,27 @@ def small_d_degrees(
     the edges.
     """
     theta = np.asarray(theta, dtype=float)
+    angles = theta.ravel()
+    cosine = np.cos(angles)[:, None, None]
     spins = order if max_spin is None else min(max_spin, order)
-    half_cos, half_sin = np.cos(theta / 2), np.sin(theta / 2)
-    cosine = np.cos(theta)
     lowest = -spins if min_spin is None else min_spin
-    edge = np.ones((1, *theta.shape))  # d^l_{l,n} for n = -min(l, spins) .. min(l, spins)
-    previous = before = np.ones((1, int(lowest <= 0), *theta.shape))
-    yield 0, previous
-    for degree in range(1, order + 1):
-        edge = _next_edge(edge, degree, min(degree, spins), half_cos, half_sin)
-        columns = max(min(degree, spins) + 1 - max(lowest, -degree), 0)
-        current = np.empty((2 * degree + 1, columns, *theta.shape))
-        _recur(current, previous, before, degree, lowest, cosine)
-        _set_edges(current, edge, degree, lowest)
-        yield degree, current
-        before, previous = previous, current
+    edges = _edges(order, spins, angles)
+    previous = before = np.ones((len(angles), 1, int(lowest <= 0)))
+    yield 0, _behind(previous, theta)
+    for some in slices(order, _FACTORS_AT_ONCE // ((2 * order + 1) * (spins + 1 - lowest))):
+        degrees = range(some.start + 1, some.stop + 1)
+        for degree, factors in zip(degrees, _recurrence(degrees, lowest, spins), strict=True):
+            columns = max(min(degree, spins) + 1 - max(lowest, -degree), 0)
+            current = np.empty((len(angles), 2 * degree + 1, columns))
+            _recur(current, previous, before, degree, lowest, cosine, factors)
+            _set_edges(current, edges[degree], degree, lowest)
+            yield degree, _behind(current, theta)
+            before, previous = previous, current
+
+
+def _behind(values: Array, theta: Array) -> Array:
+    """Return values of angles, (angles, m, n), with the axes of the angles behind the others."""
+    return values.transpose(1, 2, 0).reshape(*values.shape[1:], *theta.shape)
 
 
 def folded_small_d(
@@ -155,54 +163,87 @@ def right_angle_degrees(order: int, first: int = 0) -> Iterator[Array]:
         first = last + 1
 
 
-def _next_edge(edge: Array, degree: int, width: int, half_cos: Array, half_sin: Array) -> Array:
-    """The row m = l of d^l from the row m = l - 1 of d^{l-1}."""
-    old = (len(edge) - 1) // 2
-    n = np.arange(-old, old + 1).reshape(-1, *[1] * half_cos.ndim)
-    # max() only guards n = +-degree, which cannot be among the old columns.
-    ratio = np.sqrt(2 * degree * (2 * degree - 1) / ((degree + n) * (degree - n)))
-    grown = -ratio * (half_cos * half_sin) * edge
-    if width == old:
-        return grown
-    first, last = half_sin ** (2 * degree), half_cos ** (2 * degree)
-    return np.concatenate([first[None], grown, last[None]])
+def _edges(order: int, spins: int, theta: Array) -> Array:
+    """Return the rows m = l of all degrees, n = -spins .. spins, shape (order+1, angles, n).
+
+    What stands where ``|n| > l`` means nothing.
+    """
+    half_cos, half_sin = np.cos(theta / 2)[:, None], np.sin(theta / 2)[:, None]
+    degree, n = np.arange(order + 1.0)[:, None, None], np.arange(-spins, spins + 1.0)
+    # max() only guards degrees up to |n|, which do not grow from the one before.
+    ratio = np.sqrt(2 * degree * (2 * degree - 1) / np.maximum(degree**2 - n**2, 1.0))
+    grown = -ratio * (half_cos * half_sin)
+    first = np.where(n < 0, half_sin, half_cos) ** (2 * np.abs(n))
+    above = degree - np.abs(n)
+    factors = np.where(above > 0, grown, np.where(above == 0, first, 1.0))
+    return np.cumprod(factors, axis=0, out=factors)
+
+
+def _recurrence(degrees: range, lowest: int, spins: int) -> Array:
+    """Return the factors of `_recur` for some degrees l, shape (degrees, 3, m, n).
+
+    The orders m are those of the last degree, and n = lowest .. spins; where either is l or larger
+    the factors mean nothing. The first is that of ``cos(theta) d^(l-1)``, the others are those of
+    ``d^(l-1)`` and ``d^(l-2)``, which are subtracted.
+    """
+    degree = np.array(degrees, float)[:, None, None]
+    below = np.maximum(degree - 1, 1.0)
+    m, n = np.arange(-degrees[-1], degrees[-1] + 1.0)[:, None], np.arange(lowest, spins + 1.0)
+
+    def size(over: Array) -> Array:
+        """Return sqrt((l^2 - m^2) (l^2 - n^2)), 0 where an order is larger."""
+        return np.sqrt(np.maximum(over**2 - m**2, 0.0)) * np.sqrt(np.maximum(over**2 - n**2, 0.0))
+
+    result = np.empty((len(degrees), 3, len(m), len(n)))
+    scale = np.divide(2 * degree - 1, np.maximum(size(degree), 1.0), out=result[:, 0])
+    np.multiply(scale, m * n / below, out=result[:, 1])
+    result[:, 2] = scale * size(below) * (degree / (below * (2 * degree - 1)))
+    scale *= degree
+    return result
 
 
 def _recur(
-    current: Array, previous: Array, before: Array, degree: int, lowest: int, cosine: Array
+    current: Array,
+    previous: Array,
+    before: Array,
+    degree: int,
+    lowest: int,
+    cosine: Array,
+    factors: Array,
 ) -> None:
     """Fill |m| < l of the columns that the two degrees below have; the first is `lowest` or -l."""
-    k = degree - 1
+    k, middle = degree - 1, factors.shape[1] // 2
     first = max(lowest, -k)
-    tail = [1] * cosine.ndim
-    m = np.arange(-k, k + 1).reshape(-1, 1, *tail)
-    n = np.arange(first, first + previous.shape[1]).reshape(1, -1, *tail)
-    scale = 1 / np.sqrt(float(degree**2) - m**2) / np.sqrt(float(degree**2) - n**2)
+    own = slice(first - lowest, first - lowest + previous.shape[2])
+    slope, offset, _ = factors[:, middle - k : middle + k + 1, own]
     new = first - max(lowest, -degree)
-    target = current[1:-1, new : new + previous.shape[1]]
+    target = current[:, 1:-1, new : new + previous.shape[2]]
+    np.multiply(slope, cosine, out=target)
+    target -= offset
+    target *= previous
     if k == 0:
-        target[...] = cosine
         return
-    np.multiply(degree * cosine - m * n / k, previous, out=target)
-    target *= scale * (2 * k + 1)
-    weight = (degree / k) * np.sqrt((k**2 - m**2) * np.maximum(k**2 - n**2, 0.0)) * scale
     new = max(lowest, 1 - k) - first
-    keep = slice(new, new + before.shape[1])
-    target[1:-1, keep] -= weight[1:-1, keep] * before
+    keep = slice(new, new + before.shape[2])
+    target[:, 1:-1, keep] -= factors[2, middle + 1 - k : middle + k, own][:, keep] * before
 
 
 def _set_edges(current: Array, edge: Array, degree: int, lowest: int) -> None:
-    """Fill m = +-l, and n = +-l where it is kept, by d_mn = (-1)^(m-n) d_nm = d_-n,-m."""
-    width = (len(edge) - 1) // 2
-    signs = (-1.0) ** (degree - np.arange(-width, width + 1))
-    mirrored = signs.reshape(-1, *[1] * (edge.ndim - 1)) * edge
+    """Fill m = +-l, and n = +-l where it is kept, by d_mn = (-1)^(m-n) d_nm = d_-n,-m.
+
+    `edge` is the row m = l, for the same n of both signs in any number.
+    """
+    spins = edge.shape[1] // 2
+    width = min(degree, spins)
+    edge = edge[:, spins - width : spins + width + 1]
+    mirrored = (-1.0) ** (degree - np.arange(-width, width + 1)) * edge
     kept = slice(max(lowest, -degree) + width, None)
-    current[-1] = edge[kept]
-    current[0] = mirrored[::-1][kept]
+    current[:, -1] = edge[:, kept]
+    current[:, 0] = mirrored[:, ::-1][:, kept]
     if width == degree >= lowest:
-        current[:, -1] = mirrored
+        current[..., -1] = mirrored
     if width == degree <= -lowest:
-        current[:, 0] = edge[::-1]
+        current[..., 0] = edge[:, ::-1]
 
 
 _known_couplings = Memo(2**25)

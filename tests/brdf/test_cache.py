@@ -14,8 +14,9 @@ from shrm_cli import settings
 from shrm_cli.arrays import Memo
 from shrm_cli.brdf import cache
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.cache import cached_coefficients, cached_transfer
+from shrm_cli.brdf.cache import cached_coefficients, cached_lobes, cached_transfer
 from shrm_cli.brdf.coefficients import BrdfCoefficients
+from shrm_cli.brdf.lobe_expansion import expand_lobes
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.brdf.sums import Sum
 from shrm_cli.brdf.transfer import compute_coefficients, compute_transfer
@@ -94,6 +95,23 @@ def test_grey_lobes_take_the_place_of_one_channel(folder, monkeypatch):
     assert compute.calls == 2
     assert sizes[1] > 2.9 * sizes[0]
     assert sizes[1] < 4.2 * first.values.size  # which were sampled in single precision
+
+
+@pytest.mark.parametrize("spec", ["microfacet:sigma=0.4", "ggx:f0=gold", "ward:ax=0.2,ay=0.4"])
+def test_lobes_are_kept_as_well(folder, spec):
+    asked = (16, 3), (60, 18), (0.1, 0.7, 1.2)
+    compute = Counted(expand_lobes)
+    first, again = (cached_lobes(parse_spec(spec), *asked, compute) for _ in range(2))
+    assert compute.calls == 1
+    entry(folder)
+    made = expand_lobes(parse_spec(spec), 16, 3, *asked[1:])
+    for name in ("values", "energy", "error_theta", "error_phi"):
+        for found in (first, again):
+            np.testing.assert_array_equal(getattr(found, name), getattr(made, name))
+    others = [((24, 3), *asked[1:]), ((16, 4), *asked[1:]), (asked[0], (63, 18), asked[2])]
+    for other in [*others, (*asked[:2], (0.1, 0.7, 1.3))]:
+        cached_lobes(parse_spec(spec), *other, compute)
+    assert compute.calls == 5
 
 
 @pytest.mark.parametrize("on_disk", [True, False])

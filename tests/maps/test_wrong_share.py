@@ -27,6 +27,7 @@ from shrm_cli.reference import Reference
 from shrm_cli.render.seen import seen_errors
 from shrm_cli.sphere.directions import from_angles
 from tests import brute_force, oracles
+from tests.brdf.caches import new_cache
 from tests.cli.helpers import polynomial_light
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
@@ -115,6 +116,17 @@ def test_high_degrees_of_a_broad_lobe_with_a_peak_are_no_noise():
     expected = 2 * np.pi * np.sqrt((2 * degrees + 1) * np.pi) * zonal
     found = sampled_lobes(brdf, 512, 6, np.zeros(1), 5e-4)[0, degrees, 0, 0]
     np.testing.assert_allclose(found, expected, atol=1e-6)
+
+
+def test_probes_of_nearly_the_same_order_share_lobes(tmp_path, monkeypatch):
+    folder, brdf = new_cache(tmp_path, monkeypatch), parse_spec("phong")
+    angles, _ = sample_views("reflection")
+    first, second = (sampled_lobes(brdf, order, 6, angles, 0.01) for order in (22, 19))
+    assert first.shape[1:3] == (23, len(angles))
+    np.testing.assert_array_equal(second, first[:, :20])
+    assert len(list(folder.iterdir())) == 1
+    sampled_lobes(brdf, 25, 6, angles, 0.01)
+    assert len(list(folder.iterdir())) == 2
 
 
 def test_lobes_that_are_complete_leave_nothing_wrong(light):
