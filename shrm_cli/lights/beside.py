@@ -242,7 +242,8 @@ class _Reflected:
         """The discs, whose light is the same however much of what they change a map holds."""
         split = self.change.split
         is_signed = any((disc.radiance < 0).any() for disc in split.discs)
-        return LampsLit(_flux(split), LitDiscs(self.brdf, split.discs).brushed_radiance, is_signed)
+        lit = LitDiscs(self.brdf, split.discs, np.float32)
+        return LampsLit(_flux(split), lit.brushed_radiance, is_signed)
 
     def beside(self, goal: Goal) -> Beside:
         """Return the lamps beside a map, and what the map is made of to keep a goal with them."""

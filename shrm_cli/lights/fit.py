@@ -225,24 +225,22 @@ class _Picture:
         radii, areas = np.exp(log_radii), _solid_angles(log_radii)
         order = len(self._amplitudes) - 1
         at = np.cos(np.linspace(0, self._farthest, _ANGLES))
-        edges = legendre_degrees(order, np.cos(radii), max_m=1, sine=np.sin(radii))
+        zonal = zonal_of_discs(order, radii, areas) * self._amplitudes[:, None]
         result = np.zeros((_RADII, _ANGLES))
-        for (degree, here), (_, edge) in zip(
-            legendre_degrees(order, at, max_m=0), edges, strict=True
-        ):
-            zonal = zonal_of_discs(degree, radii, areas, edge) * self._amplitudes[degree]
-            result += zonal[:, None] * here[0]
+        for degree, here in legendre_degrees(order, at, max_m=0):
+            result += zonal[degree][:, None] * here[0]
         return result
 
     def _looked_up(self, angles: Array, log_radii: Array) -> Array:
         """Return profiles at angles (n, discs), each of its own radius, interpolated."""
         low, high = self._log_radii
         row, down = node_before((log_radii - low) / (high - low) * (_RADII - 1), _RADII)
-        column, across = node_before(angles / self._farthest * (_ANGLES - 1), _ANGLES)
-        flat, at = self._table.ravel(), row * _ANGLES + column
-        above = (1 - across) * flat[at] + across * flat[at + 1]
-        below = (1 - across) * flat[at + _ANGLES] + across * flat[at + _ANGLES + 1]
-        return np.asarray((1 - down) * above + down * below)
+        down = down[:, None]
+        own = ((1 - down) * self._table[row] + down * self._table[row + 1]).ravel()
+        column, across = node_before(angles * ((_ANGLES - 1) / self._farthest), _ANGLES)
+        at = np.arange(len(row)) * _ANGLES + column
+        here = own.take(at)
+        return np.asarray(here + across * (own.take(at + 1) - here))
 
     def _of_pixels(self) -> Array:
         """Return the blurred lamp at the samples, shape (samples, 3)."""
@@ -250,7 +248,7 @@ class _Picture:
         small = np.full(1, self._log_radii[0])
         scale = self._scale / _solid_angles(small)
         seen = np.zeros((len(self._samples), 3))
-        step = max(2**20 // len(self._samples), 1)
+        step = max(2**16 // len(self._samples), 1)
         for start in range(0, len(directions), step):
             part = slice(start, start + step)
             angles = np.arccos(np.clip(self._samples @ directions[part].T, -1, 1))

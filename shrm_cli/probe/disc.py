@@ -12,7 +12,7 @@ from shrm_cli.sphere.grid.latlong import latlong_coordinates
 from shrm_cli.sphere.harmonics import legendre_degrees
 from shrm_cli.sphere.quadrature import spiral_directions
 
-_VALUES_AT_ONCE = 2**20
+_VALUES_AT_ONCE = 2**17
 _ROWS_AT_ONCE = 32
 _LINES = 32
 """Lines of which a row of pixels is made. What they tell of a pixel at a disc's edge is off by less
@@ -91,37 +91,39 @@ def disc_coefficients(discs: Sequence[Disc], order: int) -> Array:
         starts = np.searchsorted(ring[in_order], np.arange(len(height)))
         sine = np.hypot(x, y)
         phase = np.where(sine > 0, (x + 1j * y) / np.where(sine > 0, sine, 1.0), 1.0)[in_order]
-        waves = np.array([disc.radiance for disc in some], dtype=complex)[in_order]
-        around = np.empty((order + 1, len(height), 3), dtype=complex)
-        for m in range(order + 1):
-            around[m] = np.add.reduceat(waves, starts) * (np.sqrt(2) if m else 1.0)
-            waves *= phase[:, None]
-        places = legendre_degrees(order, height, sine=sine[in_order][starts])
-        degrees = legendre_degrees(order, np.cos(radius), max_m=1, sine=np.sin(radius))
-        for (degree, place), (_, legendre) in zip(places, degrees, strict=True):
-            zonal = zonal_of_discs(degree, radius, area, legendre)
-            weighted = np.sqrt(4 * np.pi / (2 * degree + 1)) * zonal * place
-            sums = (weighted[:, None] @ around[: degree + 1])[:, 0]
+        radiance = np.array([disc.radiance for disc in some])[in_order]
+        waves = np.full((order + 1, len(some)), np.sqrt(2), dtype=complex)
+        waves[0] = 1
+        waves[1:] *= np.cumprod(np.broadcast_to(phase, (order, len(some))), axis=0)
+        lit = np.concatenate([waves.real[..., None], waves.imag[..., None]], axis=-1)
+        lit = (lit[..., None] * radiance[:, None]).reshape(order + 1, len(some), 6)
+        around = np.add.reduceat(lit, starts, axis=1)
+        scale = np.sqrt(4 * np.pi / (2 * np.arange(order + 1) + 1))
+        zonal = scale[:, None] * zonal_of_discs(order, radius, area)
+        for degree, place in legendre_degrees(order, height, sine=sine[in_order][starts]):
+            sums = ((zonal[degree] * place)[:, None] @ around[: degree + 1])[:, 0]
             middle = degree * (degree + 1)
-            result[middle : middle + degree + 1] += sums.real
-            result[middle - degree : middle] += sums.imag[:0:-1]
+            result[middle : middle + degree + 1] += sums[:, :3]
+            result[middle - degree : middle] += sums[:0:-1, 3:]
     return result
 
 
-def zonal_of_discs(degree: int, radius: Array, area: Array, legendre: Array) -> Array:
-    """Return the coefficients l, 0 of discs of radiance 1 about their own axes, shape (discs,).
+def zonal_of_discs(order: int, radius: Array, area: Array) -> Array:
+    """Return the coefficients l, 0 of discs of radiance 1 about their own axes, (order+1, discs).
 
     They are ``sqrt((2l+1) / 4 pi)`` times 2 pi times the integral of P_l from cos r to 1. This is
     ``(P_l-1 - P_l+1) / (2l+1)`` at cos r, which loses all digits for a small r; as
     ``sin(r)^2 P_l' / (l (l+1))`` it keeps them.
 
-    `radius` and `area`, of shape (discs,), are in radians and sr. `legendre`, of shape (2, discs)
-    from degree 1 on, is what `legendre_degrees` yields at the discs' edges.
+    `radius` and `area`, of shape (discs,), are in radians and sr.
     """
-    if degree == 0:
-        return area / np.sqrt(4 * np.pi)
-    found: Array = 2 * np.pi * np.sin(radius) * legendre[1] / np.sqrt(degree * (degree + 1))
-    return found
+    sine, result = np.sin(radius), np.empty((order + 1, len(radius)))
+    for degree, legendre in legendre_degrees(order, np.cos(radius), max_m=1, sine=sine):
+        if degree == 0:
+            result[0] = area / np.sqrt(4 * np.pi)
+        else:
+            result[degree] = 2 * np.pi * sine * legendre[1] / np.sqrt(degree * (degree + 1))
+    return result
 
 
 def disc_rows(disc: Disc, height: int) -> Iterator[tuple[int, Array]]:

@@ -6,6 +6,7 @@ axis +Z: ``Y_1,-1 = 0.488603 y``, ``Y_10 = 0.488603 z``, ``Y_11 = 0.488603 x``.
 
 import math
 from collections.abc import Iterator
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -65,22 +66,34 @@ def legendre_degrees(
     z = np.asarray(z, dtype=float)
     last = order if max_m is None else max_m
     sine = np.sqrt((1 - z) * (1 + z)) if sine is None else np.asarray(sine)
-    tail = [1] * z.ndim
+    scales, backs = _recurrence(order, min(last, order))
+    scales, backs = (each.reshape(*each.shape, *[1] * z.ndim) for each in (scales, backs))
     before = np.empty((0, *z.shape))
     previous = np.full((1, *z.shape), np.sqrt(1 / (4 * np.pi)))
     yield 0, previous
     for degree in range(1, order + 1):
         current = np.empty((min(degree, last) + 1, *z.shape))
-        m = np.arange(min(degree - 1, last) + 1).reshape(-1, *tail)
-        scale = np.sqrt((4 * degree**2 - 1) / (degree**2 - m**2))
-        np.multiply(scale * z, previous, out=current[: len(m)])
-        m, scale = m[: len(before)], scale[: len(before)]
-        back = np.sqrt(((degree - 1) ** 2 - m**2) / (4 * (degree - 1) ** 2 - 1))
-        current[: len(m)] -= scale * back * before
+        known = current[: len(previous)]
+        np.multiply(scales[degree, : len(known)], z, out=known)
+        known *= previous
+        known[: len(before)] -= backs[degree, : len(before)] * before
         if degree <= last:
             current[degree] = np.sqrt((2 * degree + 1) / (2 * degree)) * sine * previous[-1]
         yield degree, current
         before, previous = previous, current
+
+
+@lru_cache(maxsize=16)
+def _recurrence(order: int, last: int) -> tuple[Array, Array]:
+    """Return what ``z P_(l-1)[m]``, and ``P_(l-2)[m]``, which is subtracted, are multiplied with.
+
+    Both are of shape (order+1, last+1), indexed [l, m]; they mean nothing where m >= l.
+    """
+    degree, m = np.arange(order + 1)[:, None], np.arange(last + 1)
+    below = np.maximum(degree - 1, 0)
+    scale = np.sqrt((4 * degree**2 - 1) / np.maximum(degree**2 - m**2, 1) * (degree > 0))
+    back = np.sqrt(np.maximum(below**2 - m**2, 0) / np.maximum(4 * below**2 - 1, 1))
+    return scale, scale * back
 
 
 def legendre_table(order: int, z: ArrayLike, max_m: int | None = None, first: int = 0) -> Array:

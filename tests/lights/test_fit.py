@@ -37,20 +37,29 @@ def blurred(directions, fluxes, at, width):
     return np.exp(-(angles**2) / (2 * width**2)) / (2 * np.pi * width**2) @ fluxes
 
 
+def spread_over(disc, count):
+    """Directions of equal areas of a disc, by a spiral about its axis; small ones have them too."""
+    along = (np.arange(count) + 0.5) / count
+    polar = 2 * np.arcsin(np.sin(disc.radius / 2) * np.sqrt(along))
+    azimuth = np.pi * (3 - np.sqrt(5)) * np.arange(count)
+    side = np.cross(disc.direction, np.eye(3)[np.argmin(np.abs(disc.direction))])
+    side /= np.linalg.norm(side)
+    axes = np.array([side, np.cross(disc.direction, side), disc.direction])
+    sine = np.sin(polar)
+    return np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), np.cos(polar)], axis=1) @ axes
+
+
 def missed(light, discs, width=0.03):
     """The RMS by which discs look unlike a lamp when both are blurred, by points of discs."""
     rng = np.random.default_rng(1)
     at = AXIS + 0.3 * rng.normal(size=(500, 3))
     at /= np.linalg.norm(at, axis=1, keepdims=True)
     seen = blurred(light.directions, light.radiance * light.areas[:, None], at, width)
-    directions, areas = latlong_samples(720)
-    near = directions @ AXIS > 0.7
-    directions, areas = directions[near], areas[near]
     found = np.zeros_like(seen)
     for disc in discs:
-        inside = directions @ disc.direction > np.cos(disc.radius)
-        own = areas[inside] * disc.solid_angle / areas[inside].sum()
-        found += blurred(directions[inside], own[:, None] * disc.radiance, at, width)
+        points = spread_over(disc, 1000)
+        flux = disc.solid_angle / len(points) * disc.radiance
+        found += blurred(points, np.broadcast_to(flux, points.shape), at, width)
     return np.sqrt(np.mean((found - seen) ** 2) / np.mean(seen**2))
 
 
