@@ -16,7 +16,7 @@ from functools import cached_property
 
 import numpy as np
 
-from shrm_cli.arrays import Array, node_before
+from shrm_cli.arrays import Array, Indices, node_before
 from shrm_cli.lights.lamp import Light, disc_of
 from shrm_cli.probe.disc import Disc, disc_directions, radius_of, zonal_of_discs
 from shrm_cli.records import record
@@ -38,8 +38,6 @@ _STEPS, _DAMPINGS = 12, 5
 """The most steps with so many discs, and the most dampings that are tried for one."""
 _GAIN = 1e-3
 """The part of the squared error that a step takes away at least, or it is the last one."""
-_SHIFT, _GROWTH = 2e-3, 5e-3
-"""How far discs are moved for derivatives, in radii of the lamp, and widened, in parts of them."""
 _RANK = 1e-6
 """What others hold of a disc but for this part of it, in their measure, is one of them."""
 
@@ -89,10 +87,14 @@ class _Lit:
     def error(self) -> float:
         return float(np.sum(self.left**2))
 
+    @cached_property
+    def held(self) -> Array:
+        """An orthonormal basis of the columns, of their shape."""
+        return np.asarray(np.linalg.qr(self.columns)[0])
+
     def beside(self, others: Array) -> Array:
         """Return what of other columns is not in the span of these."""
-        held = np.linalg.qr(self.columns)[0]
-        return others - held @ (held.T @ others)
+        return others - self.held @ (self.held.T @ others)
 
 
 class _Picture:
@@ -152,17 +154,17 @@ class _Picture:
 
     def with_one_more(self, lit: _Lit) -> Array | None:
         """Add the disc that takes away most of what is left; None where all are there."""
-        choices, own = self._choices
-        new = lit.beside(own)
-        sizes = np.linalg.norm(new, axis=0)
-        gains = np.sum((new.T @ lit.left) ** 2, axis=1) / np.maximum(sizes, 1e-300) ** 2
-        gains[sizes < _RANK * np.linalg.norm(own, axis=0)] = 0
+        choices, own, squares = self._choices
+        # What is not in the span of the discs is never made of all choices.
+        new = squares - np.sum((lit.held.T @ own) ** 2, axis=0)
+        gains = np.sum((own.T @ lit.beside(lit.left)) ** 2, axis=1) / np.maximum(new, 1e-300)
+        gains[new < _RANK**2 * squares] = 0
         best = int(np.argmax(gains))
         return np.vstack([lit.shape, choices[best]]) if gains[best] > 0 else None
 
     @cached_property
-    def _choices(self) -> tuple[Array, Array]:
-        """Discs of some radii all over the lamp, and what they look like."""
+    def _choices(self) -> tuple[Array, Array, Array]:
+        """Discs of some radii all over the lamp, what they look like, and the squares of that."""
         found, whole = [], Disc(self._frame[2], min(self._reach, 1.2), np.ones(3))
         least = min(max(self._reach / 10, 1.5 * self._least), self._reach)
         for radius in np.geomspace(least, self._reach, _START_RADII):
@@ -171,7 +173,8 @@ class _Picture:
             middles = np.vstack([[0.0, 0.0], local[:, :2] / local[:, 2:]])
             found.append(np.column_stack([middles, np.full(len(middles), np.log(radius))]))
         choices = self._bounded(np.vstack(found))
-        return choices, self._columns(choices)
+        own = self._columns(choices)
+        return choices, own, np.sum(own**2, axis=0)
 
     def _normal_equations(self, lit: _Lit) -> tuple[Array, Array, Array]:
         """Return Gauss and Newton's matrix and right side, and the units of their unknowns.
@@ -179,13 +182,8 @@ class _Picture:
         The unknowns are all x, then all y, then all log r. As radiances follow, only what changes
         beside the span of the columns counts.
         """
-        moves = []
-        for unknown, step in enumerate((_SHIFT * self._reach, _SHIFT * self._reach, _GROWTH)):
-            moved = lit.shape.copy()
-            moved[:, unknown] += step
-            moves.append((self._columns(moved) - lit.columns) / step)
         scale = np.repeat([self._reach, self._reach, 1.0], len(lit.shape))
-        change = lit.beside(np.concatenate(moves, axis=1)) * scale
+        change = lit.beside(self._slopes(lit.shape)) * scale
         radiances = np.tile(lit.radiances, (3, 1))
         matrix = (change.T @ change) * (radiances @ radiances.T)
         return matrix, np.sum((change.T @ lit.left) * radiances, axis=1), scale
@@ -201,6 +199,20 @@ class _Picture:
         angles = np.arccos(np.clip(self._samples @ self._directions(shape).T, -1, 1))
         blurred = self._looked_up(angles, shape[:, 2]) * self._scale
         return np.vstack([blurred, _solid_angles(shape[:, 2]) * self._flux_weight])
+
+    def _slopes(self, shape: Array) -> Array:
+        """Return the derivatives of `_columns` by all x, y and log r, (samples + 1, 3 n)."""
+        directions, radii = self._directions(shape), np.exp(shape[:, 2])
+        local = directions @ self._frame.T
+        cosines = np.clip(self._samples @ directions.T, -1, 1)
+        farther, wider = self._looked_up_slopes(np.arccos(cosines), shape[:, 2])
+        # The cosine of the angle changes as the unit vector to the middle (x, y, 1) does.
+        by_cosine = -farther / np.maximum(np.sqrt(1 - cosines**2), 1e-9) * local[:, 2]
+        sides = (self._samples @ self._frame[:2].T).T[..., None]
+        moved = [by_cosine * (sides[axis] - cosines * local[:, axis]) for axis in (0, 1)]
+        of_flux = np.concatenate([0 * radii, 0 * radii, 2 * np.pi * radii * np.sin(radii)])
+        seen = np.concatenate([*moved, wider], axis=1) * self._scale
+        return np.vstack([seen, of_flux * self._flux_weight])
 
     def _directions(self, shape: Array) -> Array:
         middles = np.column_stack([shape[:, :2], np.ones(len(shape))])
@@ -233,14 +245,34 @@ class _Picture:
 
     def _looked_up(self, angles: Array, log_radii: Array) -> Array:
         """Return profiles at angles (n, discs), each of its own radius, interpolated."""
-        low, high = self._log_radii
-        row, down = node_before((log_radii - low) / (high - low) * (_RADII - 1), _RADII)
-        down = down[:, None]
-        own = ((1 - down) * self._table[row] + down * self._table[row + 1]).ravel()
-        column, across = node_before(angles * ((_ANGLES - 1) / self._farthest), _ANGLES)
-        at = np.arange(len(row)) * _ANGLES + column
+        own, _ = self._profiles(log_radii)
+        at, across = self._places(angles, len(own))
         here = own.take(at)
         return np.asarray(here + across * (own.take(at + 1) - here))
+
+    def _looked_up_slopes(self, angles: Array, log_radii: Array) -> tuple[Array, Array]:
+        """Return the derivatives of what `_looked_up` does, by the angles and by log r."""
+        own, wider = self._profiles(log_radii)
+        at, across = self._places(angles, len(own))
+        by_angle = (own.take(at + 1) - own.take(at)) * ((_ANGLES - 1) / self._farthest)
+        here = wider.take(at)
+        return by_angle, here + across * (wider.take(at + 1) - here)
+
+    def _profiles(self, log_radii: Array) -> tuple[Array, Array]:
+        """Return the profiles of discs, (discs, angles), and their derivatives by log r."""
+        low, high = self._log_radii
+        steps = (_RADII - 1) / (high - low)
+        row, down = node_before((log_radii - low) * steps, _RADII)
+        rise = self._table[row + 1] - self._table[row]
+        return self._table[row] + down[:, None] * rise, rise * steps
+
+    def _places(self, angles: Array, count: int) -> tuple[Indices, Array]:
+        """Return where angles (n, discs) stand in `_profiles`, and how far behind that.
+
+        `count` is that of the profiles: 1 where all discs are of one radius.
+        """
+        column, across = node_before(angles * ((_ANGLES - 1) / self._farthest), _ANGLES)
+        return column + np.arange(count) * _ANGLES, across
 
     def _of_pixels(self) -> Array:
         """Return the blurred lamp at the samples, shape (samples, 3)."""

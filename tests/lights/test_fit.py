@@ -90,8 +90,8 @@ def test_a_ring_is_a_disc_without_its_middle():
 @pytest.mark.parametrize(
     ("shape", "bars"),
     [
-        (lambda x, y: 40.0 * ((abs(x) < 0.25) & (abs(y) < 0.03)), (0.85, 0.4, 0.1, 0.02)),
-        (lambda x, y: 40.0 * ((abs(x) < 0.15) & (abs(y) < 0.15)), (0.16, 0.12, 0.03, 0.015)),
+        (lambda x, y: 40.0 * ((abs(x) < 0.25) & (abs(y) < 0.03)), (0.85, 0.4, 0.1, 0.015)),
+        (lambda x, y: 40.0 * ((abs(x) < 0.15) & (abs(y) < 0.15)), (0.16, 0.12, 0.03, 0.012)),
         (lambda x, y: 40.0 * (abs(x) + abs(y) < 0.2) + 20 * (x > 0.05), (0.45, 0.22, 0.09, 0.035)),
     ],
 )
@@ -144,3 +144,14 @@ def test_discs_look_as_their_points_do():
         own = areas[inside] * Disc(middle, radius, np.ones(3)).solid_angle / areas[inside].sum()
         expected = blurred(directions[inside], own[:, None], picture._samples, 0.03)[:, 0]
         np.testing.assert_allclose(column, expected, rtol=0, atol=0.01 * expected.max())
+
+
+def test_slopes_are_those_of_what_discs_look_like():
+    light = lamp(lambda x, y: 10.0 * (np.hypot(x, y) < 0.2))
+    picture, step = fit._Picture(light, gaussian(128, 0.03)), 3e-3
+    shape = np.array([[0.05, -0.1, np.log(0.07)], [-0.02, 0.08, np.log(0.15)]])
+    found = picture._slopes(shape).reshape(-1, 3, 2)
+    for unknown, move in enumerate(step * np.eye(3)):
+        expected = (picture._columns(shape + move) - picture._columns(shape - move)) / (2 * step)
+        assert np.linalg.norm(found[:, unknown] - expected) < 5e-3 * np.linalg.norm(expected)
+        np.testing.assert_allclose(found[-1, unknown], expected[-1], rtol=1e-4, atol=1e-12)

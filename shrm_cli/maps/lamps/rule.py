@@ -232,8 +232,8 @@ def _stepped(
     middle: Array = ((low + high) / 2).astype(dtype)[..., None]
     half: Array = ((high - low) / 2).astype(dtype)[..., None]
     width = np.asarray(width, dtype)[..., None]
-    steps = middle + half * rule[0].astype(dtype)
-    return width * np.sinh(steps), half * width * rule[1].astype(dtype) * np.cosh(steps)
+    sinh = np.sinh(middle + half * rule[0].astype(dtype))
+    return width * sinh, half * width * rule[1].astype(dtype) * np.sqrt(1 + sinh**2)
 
 
 def _latitudes(x: Array, a_x: Array, a_y: Array, a_z: Array, radius: float) -> tuple[Array, Array]:
