@@ -83,7 +83,7 @@ def legendre_degrees(
         before, previous = previous, current
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=8)
 def _recurrence(order: int, last: int) -> tuple[Array, Array]:
     """Return what ``z P_(l-1)[m]``, and ``P_(l-2)[m]``, which is subtracted, are multiplied with.
 

@@ -4,7 +4,6 @@ from collections.abc import Callable, Sequence
 from functools import lru_cache
 
 from shrm_cli.arrays import Array
-from shrm_cli.brdf.environment.environment_brdf import moments_table
 from shrm_cli.maps.shader.language import Language
 from shrm_cli.records import record
 from shrm_cli.vocabulary import Sampling
@@ -118,6 +117,9 @@ TABLE_SIZE = 128
 @lru_cache(1)
 def ggx_moments() -> Array:
     """Return `moments_table`, shape (128, 128, 6); it takes a second, so that it is kept."""
+    # Whoever puts lamps beside a map has a shader of them, which knows nothing of this table.
+    from shrm_cli.brdf.environment.environment_brdf import moments_table
+
     return moments_table(TABLE_SIZE)
 
 
