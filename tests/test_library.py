@@ -107,6 +107,14 @@ def test_functions_are_not_the_submodules_of_their_names():
     assert python(f"import shrm_cli; {first}; {modules}; {ask}") == "True True\n"
 
 
+def test_dir_lists_what_is_public():
+    """Types that the package itself needs were among them."""
+    assert {name for name in dir(shrm) if not name.startswith("__")} == {
+        name for name in shrm.__all__ if not name.startswith("__")
+    }
+    assert set(shrm.__all__) <= set(dir(shrm))
+
+
 def test_unknown_names_are_attribute_errors():
     with pytest.raises(AttributeError, match="no attribute 'prefiltre'"):
         shrm.prefiltre  # noqa: B018
