@@ -1,6 +1,7 @@
 """The library as its page and its example use it, and what `import shrm_cli` loads."""
 
 import copy
+import inspect
 import os
 import pickle  # noqa: TID251 (of its own objects)
 import re
@@ -64,6 +65,17 @@ def test_the_page_names_what_there_is():
 
 
 @pytest.mark.slow
+def test_the_page_has_the_arguments_of_prefilter():
+    """Two were missing, and its default form was another one."""
+    section = PAGE.split("## Prefiltering")[1].split("\n| ")[0]
+    parameters = inspect.signature(shrm.prefilter).parameters.values()
+    for each in parameters:
+        if each.kind is each.KEYWORD_ONLY and each.name != "to":
+            assert f"`{each.name}`" in section, each.name
+    default = next(each.default for each in parameters if each.name == "to")
+    assert f'to="{default}"' in section
+
+
 def test_the_example_runs(tmp_path):
     example = str(ROOT / "examples" / "library.py")
     code = f"import runpy, sys; sys.argv = ['library.py', '.']; runpy.run_path({example!r})"

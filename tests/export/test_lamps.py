@@ -191,7 +191,7 @@ def test_what_is_told_of_lamps_of_a_large_probe_takes_little_memory(monkeypatch)
 
 
 def test_the_part_of_the_light_is_that_of_luminance():
-    """The sum of the channels has a third in place of a tenth, where `shrm info` counts luminance."""
+    """Of the sum of the channels this blue lamp has a third, where `shrm info` says a tenth."""
     image = np.full((ROWS, 2 * ROWS, 3), 0.5)
     image[12:14, 20:22] = (0, 0, 900)
     found = source(image)
