@@ -261,3 +261,9 @@ def test_glossy_transfer_under_a_turned_light_is_that_under_the_turned_probe(fol
     truth = read("truth.exr")
     np.testing.assert_allclose(read("found.exr"), truth, atol=1e-5 * truth.max())
     assert np.abs(read("still.exr") - truth).max() > 0.01 * truth.max()
+
+
+def test_maps_of_which_nothing_varies_are_told_what_makes_some(folder):
+    """It was said that there is none."""
+    result = run("render", "a.exr", "--vary", "ay=0.2", "-o", "x.png")
+    assert_refused(result, 1, "no map has a parameter 'ay' that varies; shrm product --vary makes")
