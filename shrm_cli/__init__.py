@@ -180,7 +180,8 @@ def _built_version() -> str:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *_HOMES, "__version__"})
+    """List the public names, and not what this module itself needs."""
+    return sorted({*__all__, *(name for name in globals() if name.startswith("__"))})
 
 
 class _Library(ModuleType):

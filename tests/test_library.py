@@ -1,6 +1,7 @@
 """The library as its page and its example use it, and what `import shrm_cli` loads."""
 
 import copy
+import inspect
 import os
 import pickle  # noqa: TID251 (of its own objects)
 import re
@@ -64,6 +65,17 @@ def test_the_page_names_what_there_is():
 
 
 @pytest.mark.slow
+def test_the_page_has_the_arguments_of_prefilter():
+    """Two were missing, and its default form was another one."""
+    section = PAGE.split("## Prefiltering")[1].split("\n| ")[0]
+    parameters = inspect.signature(shrm.prefilter).parameters.values()
+    for each in parameters:
+        if each.kind is each.KEYWORD_ONLY and each.name != "to":
+            assert f"`{each.name}`" in section, each.name
+    default = next(each.default for each in parameters if each.name == "to")
+    assert f'to="{default}"' in section
+
+
 def test_the_example_runs(tmp_path):
     example = str(ROOT / "examples" / "library.py")
     code = f"import runpy, sys; sys.argv = ['library.py', '.']; runpy.run_path({example!r})"
@@ -105,6 +117,14 @@ def test_functions_are_not_the_submodules_of_their_names():
     first = "shrm_cli.prefilter; shrm_cli.reference"
     assert python(f"import shrm_cli; {modules}; {ask}") == "True True\n"
     assert python(f"import shrm_cli; {first}; {modules}; {ask}") == "True True\n"
+
+
+def test_dir_lists_what_is_public():
+    """Types that the package itself needs were among them."""
+    assert {name for name in dir(shrm) if not name.startswith("__")} == {
+        name for name in shrm.__all__ if not name.startswith("__")
+    }
+    assert set(shrm.__all__) <= set(dir(shrm))
 
 
 def test_unknown_names_are_attribute_errors():

@@ -19,6 +19,8 @@ from shrm_cli.vocabulary import CONTAINERS, Precision
 if TYPE_CHECKING:
     from shrm_cli.brdf.environment.file import Kind
 
+_GAIN = 1.001
+"""Albedos above it are no rounding."""
 _COLUMNS = "fdez-aguera", "turquin", "gltf", "filament"
 """The tables of GGX that have a third column."""
 
@@ -70,8 +72,8 @@ def dfg(
     With --brdf, such as charlie, R, G and B are the directional albedo of that BRDF, with its
     colours, for each roughness. Of brushed GGX, ggx:anisotropy=0.6, the channels are scale and
     bias of views along the tangent, across it and between both; the file says how a shader mixes
-    them. Of charlie it is the E of KHR_materials_sheen: what lies below
-    cloth is scaled by 1 - max(color) * E.
+    them. Of charlie it is the E of KHR_materials_sheen: what lies below cloth is scaled by max(0, 1
+    - max(color) * E), since the model itself reflects more than it gets at grazing angles.
 
     \b
       shrm dfg -o dfg.ktx2
@@ -126,4 +128,7 @@ def dfg(
         f"  white furnace  {white.min():.2%} to {white.max():.2%}"
         + ("" if made.kind == "albedo" else " at f0 = 1 by single scattering"),
     ]
+    if made.kind == "albedo" and white.max() > _GAIN:
+        gaining = f"{(white > _GAIN).mean():.1%} of the texels"
+        lines.append(f"  gains energy   in {gaining}, as the model has it; nothing passes there")
     tell(result, lines)

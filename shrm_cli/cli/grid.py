@@ -131,13 +131,14 @@ def _lines(said: dict[str, Any], suffix: str, has_all_light: bool) -> list[str]:
     if "error" not in said:
         return []
     without, reflected = said.get("error_coefficients", said["error"]), said["error_reflected"]
-    lines = []
-    if suffix == ".npz":
+    lines, has_lamps = [], without != reflected
+    if suffix == ".npz" or not has_lamps:
         lines.append(f"  irradiance between the probes is {said['error']:.1%} off (RMS)")
-    lines.append(
-        f"  in engines, which do not know the lamps, it is {without:.1%} off, and {reflected:.1%} "
-        "without what comes straight from lamps"
-    )
+    if has_lamps:
+        lines.append(
+            f"  in engines, which do not know the lamps, it is {without:.1%} off, and "
+            f"{reflected:.1%} without what comes straight from lamps"
+        )
     if suffix != ".npz" and has_all_light and without > max(DEFAULT_ERROR, 2 * reflected):
         lines.append(
             "  what comes straight from lamps changes faster than the probes lie; leave it to "
@@ -146,8 +147,8 @@ def _lines(said: dict[str, Any], suffix: str, has_all_light: bool) -> list[str]:
     if reflected > DEFAULT_ERROR:
         twice = ",".join(str(2 * each) for each in said["shape"])
         lines.append(
-            f"  light of surfaces and of the sky, too, changes faster than the probes lie; --size "
-            f"{twice} is nearer"
+            f"  light of surfaces and of the sky{', too,' * has_lamps} changes faster than the "
+            f"probes lie; --size {twice} is nearer"
         )
     if said["in_walls"]:
         one = said["in_walls"] == 1

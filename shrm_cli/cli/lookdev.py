@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 _FORMS = [each.name for each in descriptions().values() if each.needs_brdf]
 _MAKING = ("eps", "error", "order_f", "order_p", "center", "max_size")
-_PICTURES = (".png", ".exr", ".html", ".apng", ".gif", ".mp4")
+_PICTURES = (".png", ".exr", ".html")
 
 
 @click.command()
@@ -91,13 +91,13 @@ def lookdev(
             "precision": (suffix == ".exr", "to EXR"),
         }
     )
-    steps, targets = frame_targets(output, frames)
+    steps, targets = frame_targets(output, frames, _PICTURES)
     given = {name: values.pop(name) for name in _MAKING}
     given = {name: value for name, value in given.items() if value is not None}
     check_arguments(to, [*given, "brdf"])
     reading = options.make_read_options(values)
     note(*(path for path in probes if "%" not in path))
-    usage.check_outputs(targets, specs=specs, suffixes=_PICTURES, draws=True)
+    usage.check_outputs(targets, specs=specs, draws=True)
     _check_sheet(Grid(len(specs), len(probes), size), output, steps, max_memory)
     with progress_bar("prefiltering") as progress:
         made = shrm.lookdev(

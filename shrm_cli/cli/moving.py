@@ -80,9 +80,15 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def frame_targets(output: str, frames: int | None) -> tuple[int | None, list[str]]:
-    """Return how many frames there are, None for a picture, and the files that they make."""
-    from shrm_cli.files.animation import check_animation, is_animated
+def frame_targets(
+    output: str, frames: int | None, pictures: Sequence[str] = (".png", ".exr")
+) -> tuple[int | None, list[str]]:
+    """Return how many frames there are, None for a picture, and the files that they make.
+
+    `pictures` are the suffixes of what does not move.
+    """
+    from shrm_cli.errors import OutputError
+    from shrm_cli.files.animation import ANIMATED, check_animation, is_animated
     from shrm_cli.render.moving import check_one_file, frame_paths
 
     moving = is_animated(output)
@@ -91,6 +97,9 @@ def frame_targets(output: str, frames: int | None) -> tuple[int | None, list[str
         check_one_file(output, "a moving picture")
         check_animation(output)
         return frames or DEFAULT_FRAMES, [output]
+    if os.path.splitext(output)[1].lower() not in pictures:
+        kinds = ", ".join((*pictures, *ANIMATED))
+        raise OutputError(f"{output}: what is written is {kinds}; name it so")
     if frames is None:
         check_one_file(output, "what is made without `frames`")
         return None, [output]

@@ -138,8 +138,12 @@ def transfer(
         of = "a texture of {1} x {0}".format(*texels.rows.shape)
     lines = [
         f"{target}: transfer {kinds} of {sites}, of {of}, order {plan.order}, "
-        f"{bounces} bounces, {size:,} bytes"
+        f"{bounces} bounces, {size:,} bytes",
     ]
+    if suffix == ".npz":  # others hold none
+        lines.append(
+            f"  albedo         {', '.join(f'{each:g}' for each in said['albedo'])} on average"
+        )
     warnings = _missing(found) if albedo in (None, "mesh") and brdf is None else []
     conclude({"file": target, **said, "bytes": size}, lines, warnings)
 

@@ -17,7 +17,7 @@ from shrm_cli.lights.split import LampSplit, split_lamps
 from shrm_cli.probe.disc import Disc
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.probe import Probe
-from shrm_cli.vocabulary import LAMP_COUNT
+from shrm_cli.vocabulary import LAMP_COUNT, LUMINANCE
 
 
 def without_lamps(
@@ -65,8 +65,8 @@ def better_cures(made: Package, probe: Probe, engine: Engine) -> list[str]:
 
 
 def _lamps_line(split: LampSplit) -> str:
-    light = np.sqrt(4 * np.pi) * project(split.probe, 0).coefficients[0].sum()
-    share = sum(float(lamp.light.flux.sum()) for lamp in split.lamps) / light
+    light = np.sqrt(4 * np.pi) * float(project(split.probe, 0).coefficients[0] @ LUMINANCE)
+    share = sum(float(lamp.light.flux @ LUMINANCE) for lamp in split.lamps) / light
     radii = ", ".join(f"{np.degrees(disc.radius):.2g}" for disc in split.discs)
     left = f"; {split.left} more stay" if split.left else ""
     return (

@@ -9,7 +9,6 @@ from typing import cast
 
 import numpy as np
 
-from shrm_cli import __release__
 from shrm_cli.brdf.environment.environment_brdf import environment_table
 from shrm_cli.brdf.models.lambertian import Lambertian
 from shrm_cli.color import REC709, same_primaries, title_of
@@ -21,7 +20,7 @@ from shrm_cli.export.engine import engine as engine_of
 from shrm_cli.export.lamps import add_lamps, better_cures, without_lamps
 from shrm_cli.export.packing import packed, refuse_missing
 from shrm_cli.export.pixels import CURE
-from shrm_cli.export.quoting import code_span, markdown
+from shrm_cli.export.readme import README, readme, recipe_of, refuse_other
 from shrm_cli.export.tamed import tamed
 from shrm_cli.files.whole import keeping, note, together
 from shrm_cli.maps.base import Map
@@ -271,18 +270,29 @@ def export(
     given = several(sources, "sources")
     given = [each if isinstance(each, Probe) else os.fspath(each) for each in given]
     source = Source.open(given, reading=reading)
-    made = packaged(source, engine_of(engine), asked or Asked(), progress)
-    if folder is not None:
-        write(made, Path(folder))
+    where = None if folder is None else Path(folder)
+    made = packaged(source, engine_of(engine), asked or Asked(), progress, where)
+    if where is not None:
+        write(made, where)
     return made
 
 
 def packaged(
-    source: Source, engine: Engine, asked: Asked, progress: Progress | None = None
+    source: Source,
+    engine: Engine,
+    asked: Asked,
+    progress: Progress | None = None,
+    kept: Path | None = None,
 ) -> Package:
-    """Make the files of an engine."""
+    """Make the files of an engine.
+
+    `kept` is a folder that is refused, before the work, where other light or options made it.
+    """
     check(engine, asked)
     asset = None if asked.into is None else open_asset(asked.into)
+    recipe = recipe_of(source, engine, asked, asset)
+    if kept is not None:
+        refuse_other(kept / f"{source.name}{README}", recipe)
     work = Rising(progress)
     with using(work):
         light, told, warnings = gather(source, engine, asked)
@@ -305,7 +315,7 @@ def packaged(
     made.told[:0] = told
     made.warnings[:0] = warnings
     add_lamps(made, light, engine)
-    made.add_text(f"{light.name}_README.md", _readme(engine, light, made))
+    made.add_text(f"{light.name}{README}", readme(engine, light, made, recipe))
     return made
 
 
@@ -317,24 +327,6 @@ def _tell_box(engine: Engine, box: ProxyBox, made: Package) -> None:
     made.told.append(f"captured at ({at}) in the box from ({low}) to ({high}), world axes{how}")
     made.loading += lines
     made.facts["proxy"] = box.record()
-
-
-def _readme(engine: Engine, light: Light, package: Package) -> str:
-    """Return the README: a line each of title, files, what was done, and loading, with the code.
-
-    File names stand in it without folders, so that the same light makes the same text anywhere.
-    """
-    files = ", ".join(code_span(file.name) for file in package.files)
-    told = "; ".join(package.told) or "nothing was turned or scaled"
-    lines = [
-        f"Light of {markdown(light.source)} for {engine.title}, by shrm {__release__}. Linear RGB.",
-        f"Files: {files}.",
-        f"What was done: {told}.",
-    ]
-    if package.loading:
-        code = (f"    {line}" for line in package.loading)
-        lines += [f"Load it in {engine.title}:", "", *code]
-    return "\n".join(lines) + "\n"
 
 
 def check(engine: Engine, asked: Asked) -> None:

@@ -11,6 +11,7 @@ Distant lights shine along their own -Z.
 
 import hashlib
 import os
+import re
 import stat
 import zipfile
 from collections.abc import Callable, Iterator
@@ -40,6 +41,8 @@ _MOST_BYTES = 2**28
 _MOST_LAYERS, _MOST_PRIMS, _MOST_LIGHTS, _MOST_PLACES = 256, 10**6, 1000, 2**16
 _Z_UP = ReadOptions(up="z").matrix()
 """The turn from a stage whose +Z is up to our axes; its inverse turns a dome from +Y to +Z."""
+_PLACE = re.compile(r"([^/\\:'\n]+):(\d+):\d+: ")
+"""Where OpenUSD says that the text of a layer is wrong."""
 _ANIMATED = "is animated, and is as in its first frame"
 _LAYOUTS = {"latlong": "latlong", "angular": "angular", "cubeMapVerticalCross": "vcross"}
 
@@ -78,7 +81,10 @@ def _opened(name: str, opening: Callable[..., Probe]) -> Iterator[tuple["_Lights
             content = _check_layers(root)
             yield _Lights(name, path, root, opening), content
     except pxr.Tf.ErrorException as error:
-        raise ProbeError(f"{name}: its lights cannot be read (damaged, or no USD)") from error
+        place = _PLACE.search(str(error))
+        where = f": see line {place[2]} of {place[1]}" if place else ""
+        said = f"{name}: its lights cannot be read (damaged, or no USD{where})"
+        raise ProbeError(said) from error
     except (ValueError, OSError, RecursionError, zipfile.BadZipFile) as error:
         why = " ".join(str(error).split())[:200]
         if isinstance(error, RecursionError):
@@ -212,7 +218,7 @@ class _Lights:
         if not terms and not distant:
             raise ValueError("it has no DomeLight, DomeLight_1 or DistantLight that is visible")
         if near:
-            self.notes.append(f"{near} of its lights are near, and are left out")
+            self.notes.append(f"near lights are left out: {near}")
         colors = next((t.probe.chromaticities for t in terms if t.probe.chromaticities), None)
         converted, told = in_one_color(terms, colors, options.working is not None)
         discs = tuple(self._disc(each) for each in distant)

@@ -1,5 +1,6 @@
 """What each harmonic of the light alone does to an object: figure 4.3 of Ramamoorthi's thesis."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -60,4 +61,5 @@ def basis_subject(
     subject = MeshSubject(stage, lens, aimed(mesh.vertices, [viewer], lens))
     if transfer is None:
         return subject, [stage.reflectors(each) for each in maps]
-    return subject, [[vertex_colors(mesh, transfer, each)] * len(stage.looks) for each in maps]
+    white = replace(transfer, albedo=np.ones((1, 1)))
+    return subject, [[vertex_colors(mesh, white, each)] * len(stage.looks) for each in maps]

@@ -216,8 +216,9 @@ def check_values(frames: Iterable[Moment], maps: Sequence[Map]) -> None:
     for name, value in sorted({pair for each in frames for pair in each.values.items()}):
         own = [ends for known, ends in ways if known == name]
         if not own:
-            known = ", ".join(sorted({known for known, _ in ways})) or "none"
-            raise MapError(f"no map has a parameter {name[:40]!r} that varies; there is {known}")
+            known = ", ".join(sorted({known for known, _ in ways}))
+            hint = f"there is {known}" if known else "shrm product --vary makes maps that have some"
+            raise MapError(f"no map has a parameter {name[:40]!r} that varies; {hint}")
         low, high = max(a for a, _ in own), min(b for _, b in own)
         if not low - _ROUNDING * abs(low) <= value <= high + _ROUNDING * abs(high):
             raise MapError(f"{name} varies from {low:g} to {high:g}, and cannot be {value:g}")

@@ -25,7 +25,9 @@ _PATHS_AT_ONCE = 2**16
 _LOOKS = 4096
 """Directions in which the box around a place is looked for."""
 _SNAP = 0.02
-"""The part of a room's size by which what is seen may fall short of the room's box."""
+"""The part of a room's size by which what these meet may fall short of corners that are seen."""
+_TOUCH = 1e-4
+"""The part of its distance by which a corner may lie behind what is met before it."""
 _PLASTIC = 1.1673039782614187
 """The root of x^5 = x + 1, whose powers' reciprocals fill cubes of four dimensions evenly (Roberts
 2018, "The Unreasonable Effectiveness of Quasirandom Sequences")."""
@@ -78,21 +80,26 @@ def trace_probe(
 def box_around(room: Room, at: Array) -> tuple[Array, Array]:
     """Return two corners of a box around what is seen from a place, each of shape (3,).
 
-    That is the room, where a mesh has several. Along an axis on a side of which nothing is seen it
-    is the box of the mesh.
+    That is the room, where a mesh has several, up to the near side of its walls. Along an axis on a
+    side of which nothing is seen it is the box of the mesh.
     """
     low, high = room.mesh.bounds
+    rays, at = Rays(room.mesh), np.asarray(at, dtype=float)
     directions = spiral_directions(_LOOKS)
-    faces, _, distance = Rays(room.mesh).first_hits(np.asarray(at, dtype=float), directions)
+    faces, _, distance = rays.first_hits(at, directions)
     seen = at + distance[faces >= 0, None] * directions[faces >= 0]
     if not len(seen):
         return low, high
     least, most = seen.min(axis=0), seen.max(axis=0)
-    near = _SNAP * room.size
+    # Corners lie between the rays. Those of the far sides of walls are near, too, and hidden.
+    past, near = room.mesh.vertices, _SNAP * room.size
+    past = past[((past < least) | (past > most)).any(axis=1)]
+    past = past[((past > least - near) & (past < most + near)).all(axis=1)]
+    away = np.linalg.norm(past - at, axis=1)
+    _, _, distance = rays.first_hits(at, (past - at) / away[:, None])
+    seen = np.concatenate([seen, past[distance > (1 - _TOUCH) * away]])
     digits = 6 - int(np.floor(np.log10(room.size)))  # Embree has 32-bit floats
-    least, most = least.round(digits), most.round(digits)
-    least = np.where(least < low + near, low, least)
-    most = np.where(most > high - near, high, most)
+    least, most = seen.min(axis=0).round(digits), seen.max(axis=0).round(digits)
     within = (least < at) & (most > at)
     return np.where(within, least, low), np.where(within, most, high)
 

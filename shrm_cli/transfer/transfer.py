@@ -147,6 +147,7 @@ class Transfer:
             "coefficients": size,
             "channels": channels,
             "matrices": self.matrices is not None,
+            "albedo": np.round(np.mean(self.albedo, axis=0), 4).tolist(),
             **vars(self.facts),
         }
 

@@ -82,6 +82,18 @@ def test_probes_that_lie_too_far_apart_are_told(folder):
     assert "changes faster" not in even
 
 
+def test_rooms_without_lamps_have_one_error(folder):
+    """Engines were said not to know the lamps, of which there are none."""
+    (folder / "floor.obj").write_text("v 0 0 0\nv 0 0 4\nv 4 0 4\nv 4 0 0\nf 1 2 3 4\n")
+    floor = ("grid", "floor.obj", *SMALL, "--box", "0,0,0,4,2,4", "--probe", "white.exr")
+    for name in ("a.npz", "a.json"):
+        said = done(*floor, "-o", name)
+        assert said.count("% off") == 1
+        assert "irradiance between the probes is " in said
+        assert "lamps" not in said
+    assert "which do not know the lamps" in done("grid", "room.glb", *SMALL, "-o", "b.json")
+
+
 def test_a_room_is_baked(folder):
     said = json.loads(done("grid", "room.glb", *SMALL, "--json"))
     assert said["file"] == "room.grid.npz"

@@ -118,6 +118,33 @@ def test_what_is_wrong_is_said_in_a_line(folder, arguments, said):
     assert not [*folder.glob("b.txt"), *folder.glob("sub/*")]
 
 
+def test_the_basis_is_white_whatever_was_baked(folder):
+    """The object had the albedo of its transfer, and the textures of its mesh."""
+    pictures = []
+    for albedo in ("0.2", "0.7,0.1,0.4"):
+        few = ("--samples", "64", "--order", "2", "--albedo", albedo)
+        done("transfer", "roof.obj", *few, "-o", "roof.npz", "--force")
+        options = ("--order", "1", "--size", "32", "--transfer", "roof.npz", "--view", "0,80")
+        done("light", "basis", "roof.obj", *options, "-o", "a.exr")
+        pictures.append(read("a.exr"))
+    np.testing.assert_array_equal(*pictures)
+    done(
+        "light",
+        "basis",
+        "roof.obj",
+        "--order",
+        "0",
+        "--size",
+        "32",
+        "--view",
+        "0,80",
+        "-o",
+        "b.exr",
+    )
+    free, shadowed = read("b.exr")[..., 1].max(), pictures[0][:32, :32, 1].max()
+    assert 0.9 * free < shadowed <= 1.01 * free
+
+
 @pytest.mark.parametrize("transfer", [False, True])
 def test_pictures_of_the_basis(folder, transfer):
     """A roof from above: the light of y makes it brighter, and from below it makes it darker."""

@@ -12,7 +12,7 @@ from shrm_cli.files.image import write_image
 from shrm_cli.maps.file import open_map
 from shrm_cli.maps.irradiance.irradiance import Irradiance
 from shrm_cli.sphere.directions import turn_matrix
-from tests.cli.helpers import MESH, noise, run, write_exr
+from tests.cli.helpers import MESH, assert_refused, noise, run, write_exr
 from tests.cli.test_render import read
 from tests.render.assets import globe, packed_glb, png
 from tests.render.materials import INFO, furnace, spot, under_random_light
@@ -42,6 +42,14 @@ def folder(inputs, tmp_path, monkeypatch):
     shutil.copytree(inputs, tmp_path, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)
     return tmp_path
+
+
+@pytest.mark.parametrize("frames", [(), ("--frames", "3")])
+@pytest.mark.parametrize("name", ["a.webm", "a.%04d.webm"])
+def test_other_pictures_are_refused_by_one_line(folder, frames, name):
+    """With frames, a.webm was told to be a.%04d.webm, which was told to be a.png."""
+    result = run("render", "a.exr", "-o", name, *frames)
+    assert_refused(result, 1, f"{name}: what is written is .png, .exr, .apng, .gif, .mp4;")
 
 
 def done(*arguments):
@@ -253,3 +261,9 @@ def test_glossy_transfer_under_a_turned_light_is_that_under_the_turned_probe(fol
     truth = read("truth.exr")
     np.testing.assert_allclose(read("found.exr"), truth, atol=1e-5 * truth.max())
     assert np.abs(read("still.exr") - truth).max() > 0.01 * truth.max()
+
+
+def test_maps_of_which_nothing_varies_are_told_what_makes_some(folder):
+    """It was said that there is none."""
+    result = run("render", "a.exr", "--vary", "ay=0.2", "-o", "x.png")
+    assert_refused(result, 1, "no map has a parameter 'ay' that varies; shrm product --vary makes")

@@ -296,3 +296,14 @@ def test_missing_files_of_materials_are_told(folder):
     result = run("transfer", "lost.obj", "--samples", "16", "--bounces", "1", "-o", "a.npz")
     assert "by the material 'wall', whose file 'gone.mtl' is missing" in result.err
     done("transfer", "lost.obj", "--samples", "16", "--albedo", "0.3", "-o", "b.npz")
+
+
+def test_the_albedo_that_was_baked_is_told(folder):
+    """Nothing said whether it was the mesh's own, or which."""
+    (folder / "q.mtl").write_text("newmtl a\nKd .5 .25 .1\n")
+    (folder / "q.obj").write_text("mtllib q.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2 3\n")
+    few = ("transfer", "q.obj", "--samples", "16")
+    assert "  albedo         0.5, 0.25, 0.1 on average\n" in done(*few)
+    assert "  albedo        0.5, 0.25, 0.1\n" in done("info", "q.transfer.npz")
+    assert json.loads(done(*few, "--albedo", "0.3", "-o", "b.npz", "--json"))["albedo"] == [0.3]
+    assert "albedo" not in done(*few, "--order", "2", "-o", "bounce0.txt")

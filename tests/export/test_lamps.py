@@ -7,6 +7,7 @@ import tracemalloc
 import numpy as np
 import pytest
 
+from shrm_cli.analysis.probe_statistics import probe_statistics
 from shrm_cli.color import REC709
 from shrm_cli.errors import ArgumentError
 from shrm_cli.export import engine as engines
@@ -187,3 +188,14 @@ def test_what_is_told_of_lamps_of_a_large_probe_takes_little_memory(monkeypatch)
         tracemalloc.stop()
     assert "take the lamps out with `sun` split" in line
     assert peak < 3 * image.nbytes
+
+
+def test_the_part_of_the_light_is_that_of_luminance():
+    """Of the sum of the channels this blue lamp has a third, where `shrm info` says a tenth."""
+    image = np.full((ROWS, 2 * ROWS, 3), 0.5)
+    image[12:14, 20:22] = (0, 0, 900)
+    found = source(image)
+    _, told, _ = gather(found, engines.engine("three"), SPLIT)
+    (share,) = (float(x) for line in told for x in re.findall(r"^lamps: (\S+)% of the light", line))
+    assert share / 100 == pytest.approx(sum(probe_statistics(found.probe).lamp_shares), abs=1e-3)
+    assert share < 15

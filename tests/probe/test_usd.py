@@ -199,7 +199,7 @@ def test_what_cannot_be_honored_is_said(folder):
         "Dome: its filters are ignored",
         "Dome: its portals are ignored; all of it is seen",
         "Unseen is invisible, and is left out",
-        "2 of its lights are near, and are left out",
+        "near lights are left out: 2",
         "Sun is animated, and is as in its first frame",
     )  # fmt: skip
     assert probe.discs[0].radiance == pytest.approx([3, 3, 3])
@@ -224,7 +224,7 @@ BAD = {
     "flat": (dome("float3 xformOp:scale = (1, 0, 1)\n"
                   'uniform token[] xformOpOrder = ["xformOp:scale"]'), "is no rotation"),
     "clips": ('def "X" ( clips = { dictionary default = {} } ) {}', "value clips"),
-    "damaged": ('def DomeLight "D" {', "damaged, or no USD"),
+    "damaged": ('def DomeLight "D" {', "damaged, or no USD: see line 7 of s.usda)"),
     "nested": (3000 * 'def "a" {\n' + 3000 * "}\n", "nested too deeply; flatten"),
 }  # fmt: skip
 

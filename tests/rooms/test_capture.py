@@ -63,6 +63,21 @@ def test_the_box_is_that_of_the_room_that_is_seen():
     np.testing.assert_allclose([low, high], [[0, 0, 0], [2, 2, 2]])
 
 
+def test_the_box_ends_at_the_near_side_of_walls():
+    """Of walls of 10 cm it was the far side; a floor that goes on below them is hidden there."""
+    walls = [
+        shapes.box(low, high, inward=False)
+        for low, high in (
+            ([-0.1, -0.1, -0.1], [4.1, 0, 4.1]), ([-0.1, 3, -0.1], [4.1, 3.1, 4.1]),
+            ([-0.1, 0, -0.1], [0, 3, 4.1]), ([4, 0, -0.1], [4.1, 3, 4.1]),
+            ([0, 0, -0.1], [4, 3, 0]), ([0, 0, 4], [4, 3, 4.1]),
+        )
+    ]  # fmt: skip
+    room = shapes.room(walls, [[0.5] * 3] * 6, [[0] * 3] * 6)
+    low, high = capture.box_around(room, np.array([1.0, 1.5, 2.0]))
+    np.testing.assert_allclose([low, high], [[0, 0, 0], [4, 3, 4]], atol=1e-5)
+
+
 def test_lamps_and_the_sky_are_seen_as_they_are(few_patches):
     """Outside, beside a black box that faces away: all of the sky, and black where the box is."""
     room = shapes.room([shapes.box([0, 0, 0], [2, 2, 2], inward=False)], [[0] * 3], [[5, 0, 1]])

@@ -80,7 +80,7 @@ MEANINGS: dict[Kind, Meaning] = {
     "albedo": Meaning(
         ("R", "G", "B"),
         "directional albedo",
-        "(R, G, B), and lets 1 - max(R, G, B) through to what lies below",
+        "(R, G, B), and lets max(0, 1 - max(R, G, B)) through to what lies below",
     ),
     "brushed": Meaning(
         tuple(f"{kind}.{part}" for kind in ("along", "between", "across") for part in "RG"),

@@ -28,6 +28,14 @@ _IMAGES = "image", "tiledimage", "gltf_image", "gltf_colorimage"
 _PASSING = "convert", "dot"
 _COLORS = "emissive", "opacity"
 """Inputs that are colors, besides those whose names end so."""
+_FILMS = {"open_pbr_surface": 1e-6}
+"""The meters that a surface counts the thickness of its film in, where these are no nanometers."""
+_METERS = {
+    "nanometer": 1e-9, "micron": 1e-6, "micrometer": 1e-6, "millimeter": 1e-3, "centimeter": 1e-2,
+    "inch": 0.0254, "foot": 0.3048, "yard": 0.9144, "meter": 1.0, "kilometer": 1e3,
+    "mile": 1609.344,
+}  # fmt: skip
+"""The units of lengths."""
 _PLACES = {"x": 0, "y": 1, "z": 2, "r": 0, "g": 1, "b": 2, "a": 3}
 
 
@@ -107,7 +115,9 @@ def _material(name: str, shader: Any) -> Material:
             if given.getConnectedNode() is not None:
                 unread.append(given.getName())
             continue
-        found, is_texture = _Value(name).of(given)
+        is_film = given.getName().endswith("_thickness")
+        meters = _FILMS.get(shader.getCategory(), 1e-9) if is_film else None
+        found, is_texture = _Value(name, meters).of(given)
         if is_texture:
             averaged.append(given.getName())
         is_color = given.getName().endswith("color") or given.getName() in _COLORS
@@ -116,10 +126,13 @@ def _material(name: str, shader: Any) -> Material:
 
 
 class _Value:
-    """Follows the nodes that an input is connected to, and multiplies constants and textures."""
+    """Follows the nodes that an input is connected to, and multiplies constants and textures.
 
-    def __init__(self, name: str) -> None:
-        self.name, self._steps = name, 0
+    `meters` is the unit that the surface counts a length in; None for what is no length.
+    """
+
+    def __init__(self, name: str, meters: float | None = None) -> None:
+        self.name, self._meters, self._steps = name, meters, 0
 
     def of(self, given: Any) -> tuple[Array, bool]:
         """The value of an input, four channels, and whether it is the mean of a texture."""
@@ -131,14 +144,14 @@ class _Value:
         if node is None:
             if given.getValue() is None:
                 raise ValueError(f"the input {given.getName()!r} has no value")
-            return _constant(given), False
+            return _constant(given) * self._of_unit(given), False
         link = given.getConnectedOutput() if given.getNodeGraphString() else given
         return self._of_node(node, link.getOutputString())
 
     def _of_node(self, node: Any, output: str) -> tuple[Array, bool]:
         kind = node.getCategory()
         if kind in _IMAGES:
-            return self._image(node), True
+            return self._image(node) * self._of_unit(_input(node, "file")), True
         if kind == "constant":
             return self.of(_input(node, "value"))
         if kind == "multiply":
@@ -154,6 +167,15 @@ class _Value:
             place = _PLACES[output[-1:]] if output else _input(node, "index").getValue()
             return np.full(4, found[place]), is_texture
         raise ValueError(f"it is computed by a node {kind!r}; bake it to a texture")
+
+    def _of_unit(self, given: Any) -> float:
+        """What makes numbers of the unit of an input those of the surface."""
+        unit = given.getUnit()
+        if self._meters is None or not unit:
+            return 1.0
+        if unit not in _METERS:
+            raise ValueError(f"its unit {unit[:40]!r} is no length that is read")
+        return _METERS[unit] / self._meters
 
     def _image(self, node: Any) -> Array:
         file = _input(node, "file")

@@ -5,11 +5,12 @@ colors. What is left out has its default.
 """
 
 import math
+import warnings
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from shrm_cli.errors import BrdfError
+from shrm_cli.errors import BrdfError, ShrmWarning
 from shrm_cli.records import record
 
 Values = Mapping[str, Any]
@@ -163,16 +164,27 @@ class Material:
 
 
 def chosen(name: str, names: Sequence[str], wanted: str) -> int:
-    """The place of a material among those of a file, by its name or else by its number."""
+    """The place of a material among those of a file, by its name or else by its number.
+
+    Warns where a name is the number of another material.
+    """
     same = [k for k, each in enumerate(names) if each == wanted] if wanted else []
-    if len(same) == 1:
-        return same[0]
-    if same:
+    if len(same) > 1:
+        numbers = [_number(k, names) for k in same]
         raise BrdfError(
             f"{name}: {len(same)} materials are called {wanted[:40]!r}; name one of them after "
-            f"a '#' by its number: {_listed(list(map(str, same)))}"
+            f"a '#' by its number: {_listed(numbers)}"
         )
-    if wanted.isascii() and wanted.isdigit() and int(wanted[:9]) < len(names):
+    is_number = wanted.isascii() and wanted.isdigit() and int(wanted[:9]) < len(names)
+    if same:
+        if is_number and int(wanted) != same[0]:
+            line = (
+                f"{name}: {wanted!r} is the name of material {same[0]}, which is taken; name "
+                f"material {wanted} as '#{_number(int(wanted), names)}'"
+            )
+            warnings.warn(line, ShrmWarning, stacklevel=2)
+        return same[0]
+    if is_number:
         return int(wanted)
     if not names:
         raise BrdfError(f"{name}: it has no material that can be read; name another file")
@@ -181,8 +193,18 @@ def chosen(name: str, names: Sequence[str], wanted: str) -> int:
     what = f"no material is called {wanted[:40]!r}" if wanted else "it has several materials"
     # Those without a name of their own have a number.
     count = Counter(names)
-    ways = [each if each and count[each] == 1 else str(k) for k, each in enumerate(names)]
+    ways = [
+        each if each and count[each] == 1 else _number(k, names) for k, each in enumerate(names)
+    ]
     raise BrdfError(f"{name}: {what}; name one after a '#': {_listed(ways)}")
+
+
+def _number(place: int, names: Sequence[str]) -> str:
+    """The number of a material, with zeros before it where it is the name of one."""
+    found = str(place)
+    while found in names:
+        found = f"0{found}"
+    return found
 
 
 def _listed(ways: Sequence[str]) -> str:

@@ -240,6 +240,18 @@ def test_materials_of_one_name_are_told_apart_by_their_numbers(tmp_path):
     assert parse_spec(f"{path}#1").number("specular_roughness") == pytest.approx(0.7)
 
 
+def test_names_that_are_numbers_go_before_numbers(tmp_path):
+    """The material named 1 was taken for material 1 in silence."""
+    named = [{"name": name, **metal_rough(1.0, each)} for name, each in
+             (("1", 0.3), ("b", 0.5), ("2", 0.7))]  # fmt: skip
+    path = asset(tmp_path, *named)
+    with pytest.warns(ShrmWarning, match="'1' is the name of material 0.* material 1 as '#01'"):
+        assert parse_spec(f"{path}#1").number("specular_roughness") == pytest.approx(0.3)
+    for wanted, roughness in (("01", 0.5), ("b", 0.5), ("2", 0.7), ("0", 0.3)):
+        found = parse_spec(f"{path}#{wanted}").number("specular_roughness")
+        assert found == pytest.approx(roughness)
+
+
 def test_materials_are_named_or_numbered(tmp_path):
     first, second = {"name": "A B", **metal_rough(1.0, 0.3)}, metal_rough(1.0, 0.7)
     path = asset(tmp_path, first, second)

@@ -125,6 +125,25 @@ def test_films_are_as_thick_as_their_surfaces_say(tmp_path, node, names, thickne
 
 
 @pytest.mark.parametrize(
+    ("node", "meters"), [("standard_surface", 1e-9), ("open_pbr_surface", 1e-6)]
+)
+@pytest.mark.parametrize(("thickness", "unit"), [("550", "nanometer"), ("0.55", "micrometer"),
+                                                 ("0.00055", "millimeter")])  # fmt: skip
+def test_films_have_the_units_that_are_said(tmp_path, node, meters, thickness, unit):
+    """550 nanometers of OpenPBR were taken for micrometers."""
+    said = f'type="float" value="{thickness}" unittype="distance" unit="{unit}"'
+    nodes = f'<constant name="c" type="float"><input name="value" {said}/></constant>'
+    weight = value("thin_film_weight", "float", "1") if node == "open_pbr_surface" else ""
+    for given in (f"{said}/>", 'type="float" nodename="c"/>'):
+        film = f'<input name="thin_film_thickness" {given}'
+        found = parse_spec(str(document(tmp_path, nodes + surface(weight, film, node=node))))
+        assert found.number("thin_film_thickness") == pytest.approx(0.55)
+    film = f'<input name="thin_film_thickness" {said}/>'.replace(unit, "parsec")
+    with pytest.raises(BrdfError, match="its unit 'parsec' is no length"):
+        parse_spec(str(document(tmp_path, surface(film, node=node))))
+
+
+@pytest.mark.parametrize(
     ("space", "expected"),
     [
         ("", (0.2, 0.4, 0.6)),
