@@ -100,6 +100,24 @@ def test_a_lamp_between_many_is_found(rng):
     assert np.sqrt(np.mean(off**2)) < 0.03
 
 
+def test_shadows_of_each_of_many_lamps_are_told(rng):
+    """Between beams, of which each hides a part of some of 64 lamps, beside 512 points a lamp."""
+    lamps = [shapes.ceiling_lamp(x, z, half=0.2) for x in range(1, 16, 2) for z in range(1, 16, 2)]
+    beams = [shapes.box([0, 2.6, z], [16, 2.7, z + 0.8], inward=False) for z in range(1, 16, 2)]
+    parts = [shapes.box([0, 0, 0], [16, 3, 16]), *beams, *lamps]
+    room = shapes.room(parts, [[0] * 3] * len(parts), [[0] * 3] * 9 + [[5] * 3] * 64)
+    rays = Rays(room.mesh)
+    gathering = Gathering(Brightness(room, rays, 8.0), 1, 64)
+    points = rng.uniform([0, 0, 0], [16, 2.5, 16], (20, 3))
+    seen = gathering.probe(points, 0, 16.0).seen
+    faces = np.flatnonzero(room.emission.any(axis=1))
+    truth = [Emitters(room, rays, 512, faces[group.rows]).partly(points, 0)[0]
+             for group in gathering.groups]  # fmt: skip
+    truth = np.stack(truth, axis=1)
+    assert ((truth > 0.01) & (truth < 0.99)).mean() > 0.2
+    assert np.sqrt(np.mean((seen - truth) ** 2)) < 0.067
+
+
 def test_the_sky_comes_through_an_opening(rng):
     """A box without a lid, black, under a white sky with a sun: both in closed form."""
     points, faces, normals = shapes.box([0, 0, 0], [2, 2, 2])
