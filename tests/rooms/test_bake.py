@@ -158,6 +158,26 @@ def test_a_wall_that_is_turned_by_mistake_does_not_kill_probes(turned, is_alive)
     assert grid.alive.ravel()[13] == is_alive
 
 
+def test_hardly_any_light_leaks_through_a_wall_that_is_thin_beside_its_cells(rng, monkeypatch):
+    """On the floor and the wall of a dark room, of which each weight of probes keeps a part out."""
+    monkeypatch.setattr("shrm_cli.rooms.bake._PROOFS", 8)
+    parts = [
+        shapes.box([0, 0, 0], [1, 1.5, 2]),
+        shapes.box([1.02, 0, 0], [2.02, 1.5, 2]),
+        shapes.ceiling_lamp(0.5, z=1, y=1.49, half=0.25),
+    ]
+    room = shapes.room(parts, [[0.7] * 3, [0.7] * 3, [0] * 3], [[0] * 3, [0] * 3, [10] * 3])
+    grid = bake(room, Lattice(*room.mesh.bounds, (4, 4, 8)), 2, samples=256)
+    floor, wall = rng.uniform([1.02, 0, 0], [1.42, 1.5, 2], (2, 2000, 3))
+    floor[:, 1], wall[:, 0] = 0, 1.02
+    lit = rng.uniform([0, 0, 0], [1, 1.5, 2], (500, 3))
+    means = [
+        grid.irradiance(points, np.broadcast_to(normal, points.shape), direct=False).mean()
+        for points, normal in ((floor, [0, 1.0, 0]), (wall, [1.0, 0, 0]), (lit, [0, 1.0, 0]))
+    ]
+    assert sum(means[:2]) / 2 < 6e-5 * means[2]
+
+
 @pytest.mark.proof
 def test_light_does_not_leak_through_a_thin_wall(rng):
     """One room is dark: no point in it has a twentieth of the other room's light."""
