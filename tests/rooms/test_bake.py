@@ -100,6 +100,52 @@ def test_a_lamp_between_many_is_found(rng):
     assert np.sqrt(np.mean(off**2)) < 0.03
 
 
+def test_lamps_of_many_triangles_do_not_hide_themselves_and_what_is_near_does(rng):
+    """By a tilted lamp of 3200, and by a lid 1.5 mm beneath a lamp, a thousandth of the way."""
+    across = np.linspace(1.5, 2.5, 41)
+    x, z = (each.ravel() for each in np.meshgrid(across, across, indexing="ij"))
+    first = (np.arange(40)[:, None] * 41 + np.arange(40)).reshape(-1, 1)
+    faces = np.concatenate([first + [0, 41, 42], first + [0, 42, 1]])
+    normal = np.array([-0.03, -1, 0]) / np.hypot(0.03, 1)
+    tilted = np.stack([x, 2.99 - 0.03 * x, z], axis=1), faces, np.tile(normal, (len(x), 1))
+    lid = shapes.box([1, 2.988, 1], [3, 2.9885, 3], inward=False)
+    points = rng.uniform([0.1, 0.05, 0.1], [3.9, 1.5, 3.9], (1000, 3))
+    for lamp, more, share in ((tilted, [], 1), (shapes.ceiling_lamp(2), [lid], 0)):
+        parts = [shapes.box([0, 0, 0], [4, 3, 4]), lamp, *more]
+        room = shapes.room(parts, [[0] * 3] * len(parts), [[0] * 3, [5] * 3, [0] * 3][: len(parts)])
+        lit = np.flatnonzero(room.emission.any(axis=1))
+        emitters = Emitters(room, Rays(room.mesh), 256, lit)
+        np.testing.assert_array_equal(emitters.partly(points, 0)[0], share)
+
+
+def test_penumbras_of_a_sun_have_as_many_steps_as_its_samples_make(rng, monkeypatch):
+    """On the floor of a box without a lid; beside 512 directions within the sun."""
+    points, faces, normals = shapes.box([0, 0, 0], [2, 2, 2])
+    kept = faces[(points[faces][..., 1] < 1.9).any(axis=1)]
+    room = shapes.room([(points, kept, normals)], [[0] * 3], [[0] * 3])
+    sun = Disc(np.array([0.6, 0.8, 0]), 0.1, np.ones(3))
+    emitters = Emitters(replace(room, discs=(sun,)), Rays(room.mesh), 1)
+    places = rng.uniform([0.2, 1e-3, 0.2], [1.8, 1e-3, 1.8], (400, 3))
+
+    def seen():
+        return emitters.arriving(places, 0, np.ones_like)[1].sum(axis=1)
+
+    found = seen()
+    monkeypatch.setattr("shrm_cli.rooms.emitters._OF_DISC", 512)
+    truth = seen()
+    assert np.sqrt(np.mean((found - truth) ** 2) / np.mean(truth**2)) < 0.15
+
+
+def test_patches_are_as_bright_as_many_directions_and_samples_find_them(monkeypatch):
+    room = shapes.two_rooms()
+    rays = Rays(room.mesh)
+    found = Brightness(room, rays, 1.0).radiance
+    monkeypatch.setattr("shrm_cli.rooms.brightness._DIRECTIONS", 768)
+    monkeypatch.setattr("shrm_cli.rooms.brightness._SAMPLES", 384)
+    truth = Brightness(room, rays, 1.0).radiance
+    assert np.sqrt(np.mean((found - truth) ** 2) / np.mean(truth**2)) < 0.017
+
+
 def test_shadows_of_each_of_many_lamps_are_told(rng):
     """Between beams, of which each hides a part of some of 64 lamps, beside 512 points a lamp."""
     lamps = [shapes.ceiling_lamp(x, z, half=0.2) for x in range(1, 16, 2) for z in range(1, 16, 2)]
