@@ -105,9 +105,10 @@ def test_lamps_of_many_triangles_do_not_hide_themselves_and_what_is_near_does(rn
     across = np.linspace(1.5, 2.5, 41)
     x, z = (each.ravel() for each in np.meshgrid(across, across, indexing="ij"))
     first = (np.arange(40)[:, None] * 41 + np.arange(40)).reshape(-1, 1)
-    faces = np.concatenate([first + [0, 41, 42], first + [0, 42, 1]])
-    normal = np.array([-0.03, -1, 0]) / np.hypot(0.03, 1)
-    tilted = np.stack([x, 2.99 - 0.03 * x, z], axis=1), faces, np.tile(normal, (len(x), 1))
+    faces = np.concatenate([first + np.array(each) for each in ((0, 41, 42), (0, 42, 1))])
+    normal = np.array([-0.3, -1, -0.2]) / np.sqrt(1.13)
+    points = np.stack([x, 2.9 - 0.3 * (x - 1.5) - 0.2 * (z - 1.5), z], axis=1)
+    tilted = points, faces, np.tile(normal, (len(x), 1))
     lid = shapes.box([1, 2.988, 1], [3, 2.9885, 3], inward=False)
     points = rng.uniform([0.1, 0.05, 0.1], [3.9, 1.5, 3.9], (1000, 3))
     for lamp, more, share in ((tilted, [], 1), (shapes.ceiling_lamp(2), [lid], 0)):
