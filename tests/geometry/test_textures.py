@@ -76,7 +76,7 @@ def test_pixels_show_the_mean_of_what_they_cover(rng, stretch):
 
 @pytest.mark.parametrize("stretch", [(16.0, 1.0), (0.7, 0.7)])
 def test_pixels_of_stripes_show_the_mean_of_what_they_cover(rng, stretch):
-    """Pixels as long as 16 texels and as wide as one, along the stripes, and smaller than texels."""
+    """Pixels that are 16 texels long and one wide, along the stripes, and smaller than texels."""
     pixels = np.zeros((64, 64, 4))
     pixels[::4] = pixels[1::4] = 1
     made = MipMap(pyramid_of(pixels), Texture(""))
