@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
 from shrm_cli.color import conversion, same_primaries, title_of
-from shrm_cli.errors import ProbeError
+from shrm_cli.errors import ArgumentError, ProbeError
 from shrm_cli.messages import check_fields
 from shrm_cli.probe.light_sum import LightSum
 from shrm_cli.probe.lighting import project
@@ -36,6 +36,9 @@ from shrm_cli.sphere.rotation import transform_coefficients
 
 Tables = dict[str, list[dict[str, Any]]]
 """The tables of a light file by their kinds."""
+_WIDTHS = 1e-3, 180.0
+"""The least and the most width of dimmed light, degrees: a hundredth of the least is lost in the
+rounding of cosines."""
 
 
 @record(eq=False)
@@ -48,7 +51,12 @@ class Dimming:
     factor : float
         What the radiance from the direction itself is multiplied by.
     width : float
-        The angle from it at which the light changes half as much, degrees.
+        The angle from it at which the light changes half as much, 0.001 to 180 degrees.
+
+    Raises
+    ------
+    ArgumentError
+        If the width is outside.
 
     Examples
     --------
@@ -65,6 +73,9 @@ class Dimming:
 
     def __post_init__(self) -> None:
         check_fields(self)
+        low, high = _WIDTHS
+        if not low <= self.width <= high:
+            raise ArgumentError("width", f"is {self.width:g}; give {low:g} .. {high:g} degrees")
 
     @property
     def _sharpness(self) -> float:

@@ -15,8 +15,6 @@ from shrm_cli.probe.disc import Disc
 
 _BABYLON_LIGHTS = 4
 """The lights that a material of Babylon.js is shaded by, unless it says more."""
-_STEEP = 0.99
-"""The height of a direction that is too near to the vertical to be turned about it."""
 
 
 def snippet(engine: str, discs: Sequence[Disc]) -> str:
@@ -125,7 +123,7 @@ def _bevy(discs: Sequence[Disc]) -> str:
     ]
     for disc in discs:
         intensity, color = intensity_and_color(disc)
-        up = "X" if abs(disc.direction[1]) > _STEEP else "Y"
+        up = "X" if _is_steep(disc) else "Y"
         lines += [
             "commands.spawn((",
             "    DirectionalLight {",
@@ -148,7 +146,7 @@ def _godot(discs: Sequence[Disc]) -> str:
     ]
     for number, disc in enumerate(discs, 1):
         intensity, color = intensity_and_color(disc)
-        up = "RIGHT" if abs(disc.direction[1]) > _STEEP else "UP"
+        up = "RIGHT" if _is_steep(disc) else "UP"
         lines += [
             f"var lamp{number} := DirectionalLight3D.new()",
             f"lamp{number}.light_energy = {intensity / np.pi:.6g}",
@@ -246,3 +244,8 @@ _WRITERS: dict[str, Callable[[Sequence[Disc]], str]] = {
     "gltf": _gltf,
 }
 _BESIDE_CUBES = {"three": _three_beside_cubes, "babylon": _babylon_beside_cubes}
+
+
+def _is_steep(disc: Disc) -> bool:
+    """Whether a light is nearer to the vertical than to +-X, and is to be turned about this."""
+    return bool(abs(disc.direction[1]) > abs(disc.direction[0]))

@@ -137,6 +137,23 @@ def test_a_fibre_is_examined_all_around_its_tangent():
     assert np.allclose([found.smallest[0], found.largest[0]], [0.5, 1], atol=1e-3)
 
 
+def test_values_are_looked_for_up_to_80_degrees():
+    """Of one that grows without end beyond."""
+    grown = examine(Given(lambda light, view: 1 / (light * view)[..., 2:]))
+    assert 0.9 < grown.largest[0] * np.cos(np.radians(80)) ** 2 <= 1 + 1e-9
+
+
+def test_differences_of_the_sharpest_peaks_are_found():
+    """Within 2.5 milliradians of the mirror's half vector, the width of GGX's sharpest lobe."""
+
+    def peaked(light, view):
+        half = light + view
+        half = half / np.linalg.norm(half, axis=-1, keepdims=True)
+        return 1.0 + (np.linalg.norm(half[..., :2], axis=-1, keepdims=True) < 0.0025)
+
+    assert difference(Given(peaked), constant(np.pi, np.pi, np.pi)) > 0.15
+
+
 def test_black_is_black():
     found = examine(constant(0, 0, 0))
     assert (found.furnace_albedo, found.reciprocity_error) == (0, 0)

@@ -299,3 +299,21 @@ def test_grey_terms_have_one_channel(rng, spec):
     brdf, light, view = parse_spec(spec), unit(rng, 9), unit(rng, 9)
     for each in (brdf, *split(brdf)):
         assert each.evaluate(light, view).strides[-1] == 0, each
+
+
+@pytest.mark.parametrize(("albedo", "count"), [(0.003, 1), (0.008, 2)])
+def test_a_lambertian_part_is_apart_where_it_is_seen(albedo, count):
+    """Less than half of a percent of the light is not worth a map of its own."""
+
+    class Lifted(Brdf):
+        name = "lifted"
+
+        def __init__(self):
+            self.values = {}
+
+        def evaluate(self, light, view):
+            half = light + view
+            half = half / np.linalg.norm(half, axis=-1, keepdims=True)
+            return np.repeat(albedo / np.pi + half[..., 2:] ** 400, 3, axis=-1)
+
+    assert len(split(Lifted())) == count

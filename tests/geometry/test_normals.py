@@ -1,9 +1,12 @@
-"""Points of smooth surfaces above coarse triangles, beside surfaces of which a formula is known."""
+"""Normals and tangents, and points of smooth surfaces beside those of which a formula is known."""
 
 import numpy as np
 import pytest
 
-from shrm_cli.geometry.mesh import make_mesh, smooth_points
+from shrm_cli.errors import MeshError
+from shrm_cli.geometry.mesh import face_normals, make_mesh, smooth_normals, smooth_points
+from shrm_cli.geometry.tangents import perpendicular
+from shrm_cli.sphere.directions import horizontal_tangents
 from tests.transfer import meshes
 
 
@@ -50,3 +53,49 @@ def test_points_of_waves_are_not_lifted_above_them(rng):
     above = np.maximum(before, 0)  # where the surface is concave, triangles lie above it
     assert np.max(after - above) < 0.1 * -before.min()
     assert np.sqrt(np.mean(np.minimum(after, 0) ** 2)) < 0.1 * np.sqrt(np.mean(before**2))
+
+
+def test_slivers_have_a_normal_and_lines_have_none():
+    """A billionth as high as long, and along a line but for rounding."""
+    sliver = np.array([[0, 0, 0], [3, 0, 0], [1, 0, -3e-9]])
+    line = np.array([0.1, 0.7, 0.3]) * np.array([[1], [2.3], [4.7]])
+    faces = np.array([[0, 1, 2], [3, 4, 5]])
+    found = face_normals(np.concatenate([sliver, line]), faces)
+    np.testing.assert_allclose(found, [[0, 1, 0], [0, 0, 0]], atol=1e-12)
+
+
+@pytest.mark.parametrize(("opened", "is_own"), [(0.0, True), (1e-7, False)])
+def test_a_sheet_has_the_normals_of_its_sides_and_a_nearly_folded_one_their_mean(opened, is_own):
+    """Two triangles that share an edge, and whose normals cancel but for the angle between them."""
+    along, across = np.array([0.6, 0.48, 0.64]), np.array([0.8, -0.36, -0.48])
+    up = np.cross(along, across)
+    corners = np.stack([0 * along, along, across + opened * up, across - opened * up])
+    found = smooth_normals(corners, np.array([[0, 1, 2], [1, 0, 3]]), corners)[:2]
+    if is_own:
+        np.testing.assert_allclose(np.abs(found @ up), 1, atol=1e-9)
+    else:
+        np.testing.assert_allclose(found, np.broadcast_to(-across, (2, 3)), atol=1e-6)
+
+
+def test_short_normals_of_files_have_a_direction_and_those_of_rounding_none():
+    corners, faces = np.eye(3), np.array([[0, 1, 2]])
+    given = np.array([[1e-9, 0, 0], [1e-14, 0, 0], [0, 0, 0]])
+    made = make_mesh("triangle", corners, faces, given)
+    flat = np.full(3, 1 / np.sqrt(3))
+    np.testing.assert_allclose(made.normals, [[1, 0, 0], flat, flat], atol=1e-12)
+
+
+def test_meshes_may_be_flattened_a_billion_times_but_not_to_nothing():
+    made = make_mesh("triangle", np.eye(3), np.array([[0, 1, 2]]))
+    thin = made.transformed(np.diag([1, 1e-9, 1e-9, 1]))
+    np.testing.assert_allclose(thin.normals, np.tile([0, 0.5, 0.5], (3, 1)) * np.sqrt(2), atol=1e-8)
+    with pytest.raises(MeshError, match="flattens it"):
+        made.transformed(np.diag([1, 1e-16, 1e-16, 1]))
+
+
+def test_tangents_that_are_nearly_normals_have_a_direction_and_those_of_rounding_are_horizontal():
+    normal, across = np.array([0.6, 0.48, 0.64]), np.array([0.8, -0.36, -0.48])
+    near, same = normal + 1e-4 * across, normal + 1e-9 * across
+    found = perpendicular(np.stack([near, same]), np.stack([normal, normal]))
+    expected = np.stack([across, horizontal_tangents(normal)])
+    np.testing.assert_allclose(found, expected, atol=1e-9)

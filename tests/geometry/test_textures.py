@@ -74,6 +74,23 @@ def test_pixels_show_the_mean_of_what_they_cover(rng, stretch):
     assert error < max(0.2 * unfiltered, 0.01)
 
 
+@pytest.mark.parametrize("stretch", [(16.0, 1.0), (0.7, 0.7)])
+def test_pixels_of_stripes_show_the_mean_of_what_they_cover(rng, stretch):
+    """Pixels that are 16 texels long and one wide, along the stripes, and smaller than texels."""
+    pixels = np.zeros((64, 64, 4))
+    pixels[::4] = pixels[1::4] = 1
+    made = MipMap(pyramid_of(pixels), Texture(""))
+    uvs, steps = rng.random((300, 2)), np.diag(stretch) / 64
+    found = made.at(uvs, np.broadcast_to(steps, (300, 2, 2)))
+    across = (np.arange(40) + 0.5) / 40 - 0.5
+    many = np.repeat(uvs[:, None], 40, axis=1)
+    many[..., 1] += across * steps[1, 1]
+    many = many.reshape(-1, 2)
+    expected = made.at(many, still(many)).reshape(300, 40, 4).mean(axis=1)
+    unfiltered = np.sqrt(np.mean((made.at(uvs, still(uvs)) - expected) ** 2))
+    assert np.sqrt(np.mean((found - expected) ** 2)) < 0.3 * unfiltered
+
+
 def test_a_texture_that_covers_a_pixel_again_and_again_is_its_mean(rng):
     pixels = image(rng)
     found = MipMap(pyramid_of(pixels), Texture("")).at(

@@ -86,6 +86,13 @@ def test_what_discs_change_is_known_to_all_degrees(monkeypatch):
     assert errors[0] == pytest.approx(errors[1], rel=0.08)
 
 
+def test_what_lamps_change_is_known_to_a_part_in_a_thousand(monkeypatch):
+    """As the sampling of the BRDF lets it be, beside a finer one."""
+    found = split_of(soft_box(), 0.3, 1.0).error
+    monkeypatch.setattr(beside, "_ACCURACY", 1e-5)
+    assert found == pytest.approx(split_of(soft_box(), 0.3, 1.0).error, rel=1e-3)
+
+
 def test_what_is_wrong_with_discs_is_known_in_world_axes(pixels):
     """It is expanded in others, about which the pixels of a row are alike."""
     found = split_of(pixels, 0.5, 1.0)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import scipy.special
 
-from shrm_cli.errors import ProbeError
+from shrm_cli.errors import ArgumentError, ProbeError
 from shrm_cli.lights.edit import Dimming, Edit, order_of_index, turn_angles
 from shrm_cli.lights.light_files import write_coefficients, write_light_file
 from shrm_cli.probe.light_file import read_light_tables
@@ -65,6 +65,19 @@ def test_light_of_any_order_is_dimmed_within_any_width(width, order):
     expected = change @ (zonal * zonal[:, -1:])
     expected[-1] += 1
     np.testing.assert_allclose(found[degrees * (degrees + 1), 0], expected, atol=1e-10)
+
+
+def test_the_narrowest_light_that_cosines_tell_is_dimmed_and_none_narrower(rng):
+    """Cosines of directions with themselves are 1 but for rounding, which counts below."""
+    axes = rng.normal(size=(200, 3))
+    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+    dimmed = [float(Dimming(axis, 0.2, 1e-3).at(axis @ axis)) for axis in axes]
+    np.testing.assert_allclose(dimmed, 0.2, rtol=1e-5)
+    beside = turn_about(np.cross(AXIS, [0, 1, 0]), 1e-3) @ AXIS
+    assert Dimming(AXIS, 0.2, 1e-3).at(AXIS @ beside) == pytest.approx(0.6, rel=1e-5)
+    for width in (-30.0, 0.0, 1e-7, 3e-4, 181.0, 360.0):
+        with pytest.raises(ArgumentError, match=r"0\.001 \.\. 180 degrees"):
+            Dimming(AXIS, 0.2, width)
 
 
 def test_coefficients_are_set_scaled_and_turned_in_this_order():

@@ -11,7 +11,7 @@ from shrm_cli.lights.lamp import Light
 from shrm_cli.lights.pixels import SpherePixels
 from shrm_cli.lights.split import fill_regions, order_on, prove, split_lamps
 from shrm_cli.probe import resample
-from shrm_cli.probe.disc import Disc
+from shrm_cli.probe.disc import Disc, disc_coefficients
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.sky import SUN_RADIUS, sky, sun_radiance
@@ -149,6 +149,23 @@ def test_the_proof_is_that_of_sums_over_pixels(rng):
     assert split.proof.rms == pytest.approx(np.sqrt((wrong**2).mean()) / scale, rel=0.15)
     assert split.proof.maximum == pytest.approx(wrong.max() / scale, rel=0.15)
     assert 1e-4 < split.proof.rms < 0.02
+
+
+def test_the_largest_difference_is_that_of_many_normals(rng, monkeypatch):
+    """Of discs anywhere, half of them brighter and half dimmer, to three parts in a thousand."""
+    before, differences = np.ones((169, 3)), []
+    for _ in range(12):
+        colors = rng.normal(size=(6, 3))
+        parts = zip(oracles.random_directions(rng, 6), colors, strict=True)
+        discs = [Disc(direction, 0.05, color) for direction, color in parts]
+        differences.append(disc_coefficients(discs, 12))
+
+    def largest():
+        return np.array([prove(before, before + each, []).maximum for each in differences])
+
+    found = largest()
+    monkeypatch.setattr("shrm_cli.lights.split._NORMALS", 16384)
+    np.testing.assert_array_less(0.997, found / largest())
 
 
 def test_a_wrong_disc_is_told(rng):

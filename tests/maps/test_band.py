@@ -1,5 +1,7 @@
 """How the degrees that maps carry end."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,9 +10,11 @@ from research.glossy_truth import light_of, sphere
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.brdf.transfer import compute_coefficients
 from shrm_cli.maps import size as band_module
-from shrm_cli.maps.expansion import carried_band
+from shrm_cli.maps.expansion import Chosen, carried_band, carry
 from shrm_cli.maps.size import Band
+from shrm_cli.orders import choose_orders
 from shrm_cli.prefilter import prefilter
+from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.reflected import last_visible, visible_beyond
 from shrm_cli.render.seen import seen_errors
@@ -103,6 +107,21 @@ def test_maps_of_one_light_end_in_every_way():
     assert 15 < coarse.whole < coarse.last == 25
     # Light that has no more degrees does not fade out before its last one.
     assert carried_band(lit(power), coefficients, 10, 0, 40).whole >= 25
+
+
+def test_maps_carry_what_is_visible_beyond_the_first_coefficients():
+    """The orders that a tolerance asks for are found among 32, of which a map is to carry more."""
+    pixels = np.full((128, 256, 3), 0.2, np.float32)
+    pixels[40:42, 60:62] = 500
+    brdf, light = parse_spec("microfacet:sigma=0.2"), Projection(Probe.from_array(pixels))
+    chosen = Chosen.of(brdf, choose_orders(brdf, 0.1), 32)
+    assert chosen.coefficients.order_f == 32
+    found = carry(light, chosen)
+    more = compute_coefficients(brdf, 128, chosen.coefficients.order_p)
+    expected = carry(light, replace(chosen, coefficients=more))
+    assert found.band == expected.band
+    assert found.band.last > 32
+    assert found.error == pytest.approx(expected.error, rel=0.01)
 
 
 @pytest.mark.filterwarnings("ignore:.*is negative:shrm_cli.errors.ShrmWarning")

@@ -10,7 +10,7 @@ from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import ShrmWarning
 from shrm_cli.maps.expansion import _sampled as sampled_lobes
 from shrm_cli.maps.lamps.map import LampMap
-from shrm_cli.maps.lobes_lit import Lobes, judged, lit
+from shrm_cli.maps.lobes_lit import Lobes, judged, lit, reflected
 from shrm_cli.maps.sphere_pixels import pixels, sample_views
 from shrm_cli.maps.wrong_pixels import (
     LampsBeside,
@@ -41,6 +41,19 @@ MICROFACET = brute_force.microfacet(0.3)
 POINTS = 1500
 SUM = "0.7*lambertian+0.1*microfacet:sigma=0.3"
 LACQUER = "0.7*lambertian+0.3*phong:exponent=20"
+
+
+def test_a_lamp_in_a_mirror_hardly_rings_and_is_hardly_blurred():
+    """Its light to degree 96, whose last degrees tell 2 degrees apart."""
+    lamp, order = np.array([0.48, 0.6, -0.64]), 96
+    mirror = np.sqrt((2 * np.arange(order + 1) + 1) / (4 * np.pi))[None, :, None, None]
+    lobes = Lobes(mirror, np.zeros_like(mirror))
+    at = judged([lobes])
+    light = oracles.real_harmonics(order, lamp[None])[0]
+    shown = reflected(lobes, np.repeat(light[:, None], 3, axis=1), at)[:, 0, 0]
+    apart = np.degrees(np.arccos(at.rings.frames[:, :, 2] @ lamp))
+    assert np.abs(shown[apart > 25]).max() < 0.06 * shown.mean()
+    assert apart[shown > shown.max() / 2].max() < 3.5
 
 
 def matte(reflection, view, light):

@@ -132,6 +132,17 @@ def test_fine_stripes_on_the_rim_are_averaged():
     assert ((picture > 0.2) & (picture < 1.8)).all()
 
 
+def test_pixels_on_the_rim_are_means_of_what_they_cover(monkeypatch):
+    """Of rings that grow finer than pixels there, beside 32 x 32 samples of each."""
+    rings = Painted(lambda n: np.repeat(1 + np.sin(60 * n[:, 2:]), 3, axis=1))
+    found = render_sphere(rings, Viewer(), 64)
+    monkeypatch.setattr(sphere, "_SAMPLES", 32)
+    off = np.abs(found - render_sphere(rings, Viewer(), 64))
+    rim = off[off > 1e-9]
+    assert rim.size > 1000
+    assert np.sqrt(np.mean(rim**2)) < 0.08
+
+
 def lit_room(directions):
     """Smooth surroundings without symmetry, at least 0.5."""
     x, y, z = np.moveaxis(directions, -1, 0)

@@ -100,6 +100,71 @@ def test_a_lamp_between_many_is_found(rng):
     assert np.sqrt(np.mean(off**2)) < 0.03
 
 
+def test_lamps_of_many_triangles_do_not_hide_themselves_and_what_is_near_does(rng):
+    """By a tilted lamp of 3200, and by a lid 1.5 mm beneath a lamp, a thousandth of the way."""
+    across = np.linspace(1.5, 2.5, 41)
+    x, z = (each.ravel() for each in np.meshgrid(across, across, indexing="ij"))
+    first = (np.arange(40)[:, None] * 41 + np.arange(40)).reshape(-1, 1)
+    faces = np.concatenate([first + np.array(each) for each in ((0, 41, 42), (0, 42, 1))])
+    normal = np.array([-0.3, -1, -0.2]) / np.sqrt(1.13)
+    points = np.stack([x, 2.9 - 0.3 * (x - 1.5) - 0.2 * (z - 1.5), z], axis=1)
+    tilted = points, faces, np.tile(normal, (len(x), 1))
+    lid = shapes.box([1, 2.988, 1], [3, 2.9885, 3], inward=False)
+    points = rng.uniform([0.1, 0.05, 0.1], [3.9, 1.5, 3.9], (1000, 3))
+    for lamp, more, share in ((tilted, [], 1), (shapes.ceiling_lamp(2), [lid], 0)):
+        parts = [shapes.box([0, 0, 0], [4, 3, 4]), lamp, *more]
+        room = shapes.room(parts, [[0] * 3] * len(parts), [[0] * 3, [5] * 3, [0] * 3][: len(parts)])
+        lit = np.flatnonzero(room.emission.any(axis=1))
+        emitters = Emitters(room, Rays(room.mesh), 256, lit)
+        np.testing.assert_array_equal(emitters.partly(points, 0)[0], share)
+
+
+def test_penumbras_of_a_sun_have_as_many_steps_as_its_samples_make(rng, monkeypatch):
+    """On the floor of a box without a lid; beside 512 directions within the sun."""
+    points, faces, normals = shapes.box([0, 0, 0], [2, 2, 2])
+    kept = faces[(points[faces][..., 1] < 1.9).any(axis=1)]
+    room = shapes.room([(points, kept, normals)], [[0] * 3], [[0] * 3])
+    sun = Disc(np.array([0.6, 0.8, 0]), 0.1, np.ones(3))
+    emitters = Emitters(replace(room, discs=(sun,)), Rays(room.mesh), 1)
+    places = rng.uniform([0.2, 1e-3, 0.2], [1.8, 1e-3, 1.8], (400, 3))
+
+    def seen():
+        return emitters.arriving(places, 0, np.ones_like)[1].sum(axis=1)
+
+    found = seen()
+    monkeypatch.setattr("shrm_cli.rooms.emitters._OF_DISC", 512)
+    truth = seen()
+    assert np.sqrt(np.mean((found - truth) ** 2) / np.mean(truth**2)) < 0.15
+
+
+def test_patches_are_as_bright_as_many_directions_and_samples_find_them(monkeypatch):
+    room = shapes.two_rooms()
+    rays = Rays(room.mesh)
+    found = Brightness(room, rays, 1.0).radiance
+    monkeypatch.setattr("shrm_cli.rooms.brightness._DIRECTIONS", 768)
+    monkeypatch.setattr("shrm_cli.rooms.brightness._SAMPLES", 384)
+    truth = Brightness(room, rays, 1.0).radiance
+    assert np.sqrt(np.mean((found - truth) ** 2) / np.mean(truth**2)) < 0.017
+
+
+def test_shadows_of_each_of_many_lamps_are_told(rng):
+    """Between beams, of which each hides a part of some of 64 lamps, beside 512 points a lamp."""
+    lamps = [shapes.ceiling_lamp(x, z, half=0.2) for x in range(1, 16, 2) for z in range(1, 16, 2)]
+    beams = [shapes.box([0, 2.6, z], [16, 2.7, z + 0.8], inward=False) for z in range(1, 16, 2)]
+    parts = [shapes.box([0, 0, 0], [16, 3, 16]), *beams, *lamps]
+    room = shapes.room(parts, [[0] * 3] * len(parts), [[0] * 3] * 9 + [[5] * 3] * 64)
+    rays = Rays(room.mesh)
+    gathering = Gathering(Brightness(room, rays, 8.0), 1, 64)
+    points = rng.uniform([0, 0, 0], [16, 2.5, 16], (20, 3))
+    seen = gathering.probe(points, 0, 16.0).seen
+    faces = np.flatnonzero(room.emission.any(axis=1))
+    truth = [Emitters(room, rays, 512, faces[group.rows]).partly(points, 0)[0]
+             for group in gathering.groups]  # fmt: skip
+    truth = np.stack(truth, axis=1)
+    assert ((truth > 0.01) & (truth < 0.99)).mean() > 0.2
+    assert np.sqrt(np.mean((seen - truth) ** 2)) < 0.067
+
+
 def test_the_sky_comes_through_an_opening(rng):
     """A box without a lid, black, under a white sky with a sun: both in closed form."""
     points, faces, normals = shapes.box([0, 0, 0], [2, 2, 2])
@@ -138,6 +203,26 @@ def test_a_wall_that_is_turned_by_mistake_does_not_kill_probes(turned, is_alive)
     room = shapes.room([(corners, faces, normals)], [[0.5] * 3], [[1] * 3])
     grid = bake(room, Lattice(*room.mesh.bounds, (3, 3, 3)), 1, samples=256)
     assert grid.alive.ravel()[13] == is_alive
+
+
+def test_hardly_any_light_leaks_through_a_wall_that_is_thin_beside_its_cells(rng, monkeypatch):
+    """On the floor and the wall of a dark room, of which each weight of probes keeps a part out."""
+    monkeypatch.setattr("shrm_cli.rooms.bake._PROOFS", 8)
+    parts = [
+        shapes.box([0, 0, 0], [1, 1.5, 2]),
+        shapes.box([1.02, 0, 0], [2.02, 1.5, 2]),
+        shapes.ceiling_lamp(0.5, z=1, y=1.49, half=0.25),
+    ]
+    room = shapes.room(parts, [[0.7] * 3, [0.7] * 3, [0] * 3], [[0] * 3, [0] * 3, [10] * 3])
+    grid = bake(room, Lattice(*room.mesh.bounds, (4, 4, 8)), 2, samples=256)
+    floor, wall = rng.uniform([1.02, 0, 0], [1.42, 1.5, 2], (2, 2000, 3))
+    floor[:, 1], wall[:, 0] = 0, 1.02
+    lit = rng.uniform([0, 0, 0], [1, 1.5, 2], (500, 3))
+    means = [
+        grid.irradiance(points, np.broadcast_to(normal, points.shape), direct=False).mean()
+        for points, normal in ((floor, [0, 1.0, 0]), (wall, [1.0, 0, 0]), (lit, [0, 1.0, 0]))
+    ]
+    assert sum(means[:2]) / 2 < 6e-5 * means[2]
 
 
 @pytest.mark.proof

@@ -8,7 +8,7 @@ import pytest
 import shrm_cli as shrm
 from shrm_cli.brdf.environment.lobe import GgxLobe
 from shrm_cli.maps.she.prefilter import Problem, fit_logarithm
-from shrm_cli.maps.splitsum.core import expand, faded_order
+from shrm_cli.maps.splitsum.core import expand
 from shrm_cli.maps.splitsum.prefilter import level_lobe, make_levels
 from shrm_cli.probe.lighting import project
 from tests.oracles import random_directions
@@ -74,7 +74,7 @@ def test_levels_are_those_of_a_split_sum(real_probes, name):
     probe = shrm.open_probe(real_probes / f"{name}.exr")
     (cube,), (info,) = make_levels(probe, [0.5], 16, sizes=[16])
     lobe = level_lobe(0.5, 5e-4, probe.height, 16)
-    lighting = project(probe, faded_order(lobe.order))
+    lighting = project(probe, lobe.light_order)
     carried = len(expand(lighting, lobe.coefficients, 5e-4).multipliers) - 1
     levels = SplitSumLevels(carried, 16, whole=info.order_f)
     light = torch.from_numpy(lighting.coefficients)

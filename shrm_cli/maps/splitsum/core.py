@@ -43,8 +43,6 @@ DARK_ERROR = 3e-4
 """Degrees are carried until the RMS of what is left beyond them is this part of the mean radiance.
 An error that is relative to the RMS of the level says little about dark places, because lamps make
 that RMS many times the mean."""
-_FADE = 0.05
-"""The least number of degrees over which an expansion fades out, as a part of its order."""
 
 
 @record(eq=False)
@@ -70,16 +68,21 @@ def expand(lighting: Lighting, coefficients: BrdfCoefficients, tolerance: float)
     whole = light[0] + missing[0]
     order = first_enough(missing <= tolerance**2 * whole)
     dark = first_enough(missing <= DARK_ERROR**2 * light[0])
-    carried = min(max(dark, faded_order(order)), lighting.order)
+    carried = max(order, min(dark, lighting.resolved_order))
     fade = Band(order, carried).factors
     lost = float(light[: carried + 1] @ (1 - fade) ** 2 + missing[carried])
     error = relative_rms(lost, whole)
     return Expansion(passed[: carried + 1] / passed[0] * fade, order, error)
 
 
-def faded_order(order: int) -> int:
-    """Return the order to which the light is to be known, so that an expansion can fade out."""
-    return min(int(np.ceil(order * (1 + _FADE))), MAX_ORDER_F)
+def dark_order(coefficients: BrdfCoefficients) -> int:
+    """Return the order to which any light is to be known, so that dark places keep theirs.
+
+    No light has more of each degree, beside its mean, than a single lamp, which has as much of all.
+    """
+    passed = multipliers(coefficients)
+    light = (2 * np.arange(len(passed)) + 1) * passed**2
+    return first_enough(_beyond(light) <= DARK_ERROR**2 * light[0])
 
 
 def unknown_light(lighting: Lighting, passed: Array) -> float:
@@ -117,7 +120,12 @@ def energies(lighting: Lighting, passed: Array) -> tuple[Array, Array]:
     """Return the energy of a level in each degree that is known of the light, and beyond each."""
     light = lighting.power().sum(axis=1) * passed[: lighting.order + 1] ** 2
     beyond = unknown_light(lighting, passed**2)
-    return light, np.cumsum(light[::-1])[::-1] - light + beyond
+    return light, _beyond(light) + beyond
+
+
+def _beyond(energy: Array) -> Array:
+    """Return the energy beyond each degree, from that in each."""
+    return np.asarray(np.cumsum(energy[::-1])[::-1] - energy)
 
 
 _NODES = 256

@@ -20,8 +20,8 @@ from shrm_cli.maps.request import Prefiltered, Request
 from shrm_cli.maps.size import choose_size
 from shrm_cli.maps.splitsum.core import (
     Expansion,
+    dark_order,
     expand,
-    faded_order,
     split_lobe,
     sum_core,
     synthesized,
@@ -154,9 +154,7 @@ def make_levels(
             level_lobe(value, error, rows, size or largest, brdf)
             for value, size in zip(roughness, fixed, strict=True)
         ]
-    wanted = (
-        faded_order(lobe.order) if lobe.in_frequency else LEAST_ORDER for lobe in lobes if lobe
-    )
+    wanted = (lobe.light_order for lobe in lobes if lobe)
     stages = Stages(current(), 1 + len(lobes))
     with using(stages.within):
         lighting = project(probe, max(wanted, default=0))
@@ -222,6 +220,13 @@ class LevelLobe:
     order 512 does not. It is 256 at most for broad lobes (`_KINK`)."""
     in_frequency: bool
     """Whether the level is expanded to that order, and not integrated directly."""
+
+    @property
+    def light_order(self) -> int:
+        """The order to which the light is to be known."""
+        if not self.in_frequency:
+            return LEAST_ORDER
+        return max(self.order, min(dark_order(self.coefficients), LEAST_ORDER))
 
 
 def frequency_pays(order: int, alpha: float, rows: int, largest: int) -> bool:

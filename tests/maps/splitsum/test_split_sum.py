@@ -384,6 +384,26 @@ def test_a_bare_sun_of_few_rows_does_not_ring(tmp_path):
     assert level[..., 0][aside] == pytest.approx(expected[aside], rel=0.05)
 
 
+@pytest.mark.parametrize(
+    ("rows", "levels", "error"),
+    [(256, [0.143], 0.05), (256, [0.3], 0.05), (64, [0.1, 0.2], 0.0005)],
+)
+def test_a_bare_sun_does_not_ring_whatever_its_levels_may_miss(tmp_path, rows, levels, error):
+    """Where the light is known to too few degrees, or ends at those of its pixels."""
+    image = np.zeros((rows, 2 * rows, 3), np.float32)
+    image[rows // 3, rows // 4] = 1e3
+    probe = open_probe(write_exr(tmp_path / "sun.exr", image))
+    level = prefilter_split_sum(probe, levels, size=64, error=error).map.levels[-1]
+    at, light = latlong_pixels(image)
+    cosine = cube_directions(64) @ at[light.any(axis=-1)][0]
+    lobe = normalised_lobe(levels[-1], cosine, (1 - cosine) / 2)
+    expected = lobe[..., None] * light.sum(axis=0)
+    mean = light.sum(axis=0) / (4 * np.pi)
+    dark = expected < 0.2 * mean
+    assert (level - expected)[dark] == pytest.approx(0, abs=0.006 * mean[0])
+    assert level.min() > -0.0013 * mean[0]
+
+
 def test_smooth_light_is_prefiltered_to_rounding(smooth_probe, rng):
     """Degree 3 is within every expansion: what is left is the probe's single precision."""
     split_sum = prefilter_split_sum(smooth_probe, [0.3, 0.6, 1.0], error=1e-5).map
