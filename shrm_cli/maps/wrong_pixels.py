@@ -20,6 +20,7 @@ from shrm_cli.maps.lobes_lit import Lobes, judged, lit, reflected, together
 from shrm_cli.maps.sphere_pixels import Pixels, sample_views
 from shrm_cli.probe.lighting import Lighting
 from shrm_cli.records import once_each, record
+from shrm_cli.sphere.cube import bilinear_filtering
 from shrm_cli.sphere.directions import bisector, horizontal_tangents
 from shrm_cli.sphere.quadrature import scrambled, spiral_directions
 from shrm_cli.vocabulary import LUMINANCE, SEEN_FLOOR, WRONG
@@ -38,11 +39,12 @@ class LookUps:
     """Takes normals, tangents and views; returns what the map shows, shape (..., 3)."""
 
     def lost(self, lighting: Lighting) -> Lost:
-        """Return what look-ups lose of the luminance at points, as lobes tell it."""
+        """Return what look-ups on a GPU lose of the luminance at points, as lobes tell it."""
         held, _ = lit(lighting.coefficients * LUMINANCE, together(self.held))
 
         def lost_at(at: Pixels, places: tuple[Indices, ...]) -> Array:
-            shown = self.radiance(at.normals[places], at.tangents(places), at.views[places])
+            with bilinear_filtering():
+                shown = self.radiance(at.normals[places], at.tangents(places), at.views[places])
             own = np.broadcast_to(held, at.views.shape[:-1])[places]
             return np.asarray(own - 2 * np.pi * shown @ LUMINANCE)
 
@@ -225,7 +227,7 @@ def beside_lamps(lamps: LampsBeside | None) -> Iterator[None]:
         lamps_beside.reset(token)
 
 
-_LOOKED_UP = 0.5
+_LOOKED_UP = 0.25
 """The error of look-ups, in units of that of functions and orders, from which it shows."""
 _POINTS_BESIDE = 3840
 """The number of points at which lamps are integrated, and look-ups made, on all surfaces together,

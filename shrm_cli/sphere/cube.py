@@ -6,6 +6,10 @@ in OpenEXR's orientation (ImfEnvmap.h), right and down of each face are::
     +X  +Z -Y      -X  -Z -Y      +Y  +X -Z      -Y  +X +Z      +Z  -X -Y      -Z  +X -Y
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -132,6 +136,9 @@ _VALUES_AT_ONCE = 2**17
 """Values that are interpolated at a time, so that they stay in a processor's cache."""
 
 
+_is_bilinear: ContextVar[bool] = ContextVar("_is_bilinear", default=False)
+
+
 class CubeSampler:
     """Cubic filtering of a cube map that takes in the neighboring faces.
 
@@ -173,16 +180,17 @@ class CubeSampler:
 
     def _between(self, face: NDArray[np.intp], s: Array, t: Array) -> Array:
         """Values at positions (s, t) on faces, each of shape (n,): (n, channels)."""
-        columns, across = catmull_rom(self._index(s))
-        rows, along = catmull_rom(self._index(t))
+        filtering = _linear if _is_bilinear.get() else catmull_rom
+        columns, across = filtering(self._index(s))
+        rows, along = filtering(self._index(t))
         width = self.size + 2 * _RIM
         first = (face * width + rows + _RIM) * width + columns + _RIM
         result: Array = np.zeros((len(face), self._texels.shape[1]), dtype=self._texels.dtype)
-        for i in range(4):
+        for i, down in enumerate(along):
             line = np.zeros_like(result)
-            for j in range(4):
-                line += across[j][:, None] * self._texels.take(first + (i * width + j), axis=0)
-            result += along[i][:, None] * line
+            for j, right in enumerate(across):
+                line += right[:, None] * self._texels.take(first + (i * width + j), axis=0)
+            result += down[:, None] * line
         return result
 
     def _position(self, index: NDArray[np.intp]) -> Array:
@@ -244,6 +252,22 @@ def texel_index(position: Array, size: int, sampling: Sampling) -> Array:
     """Texel indices, not rounded, of positions in [-1, 1]."""
     scale, shift = texel_scale(size, sampling)
     return np.asarray((position + 1) * scale - shift)
+
+
+@contextmanager
+def bilinear_filtering() -> Iterator[None]:
+    """Look cubes up bilinearly, as GPUs do, where it is cubically else."""
+    token = _is_bilinear.set(True)
+    try:
+        yield
+    finally:
+        _is_bilinear.reset(token)
+
+
+def _linear(x: Array) -> tuple[NDArray[np.intp], list[Array]]:
+    """The first of two texels and the weights of both, at x, in texels."""
+    first = np.floor(x).astype(np.intp)
+    return first, [first + 1 - x, x - first]
 
 
 def catmull_rom(x: Array) -> tuple[NDArray[np.intp], list[Array]]:
