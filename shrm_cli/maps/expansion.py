@@ -40,6 +40,7 @@ from shrm_cli.maps.wrong_pixels import (
 from shrm_cli.orders import Orders, coefficients_to
 from shrm_cli.probe.lighting import Lighting, Projection
 from shrm_cli.records import record
+from shrm_cli.sphere.cube import bilinear_filtering
 from shrm_cli.sphere.harmonics import legendre_table
 from shrm_cli.vocabulary import LUMINANCE, MAX_ORDER_F, Sampling
 
@@ -255,7 +256,7 @@ def shown_wrong_share(expansions: Sequence[Expansion], map_: Map) -> float:
     """Return the share of a map that was made from SHRMs, with the errors of its own form.
 
     `expansions` are light and BRDF, for each term of a sum. The radiance of `map_` is looked up at
-    the sample points, exactly and not as on a GPU.
+    the sample points, as on a GPU.
 
     Returns it in 0 .. 1.
     """
@@ -267,7 +268,8 @@ def shown_wrong_share(expansions: Sequence[Expansion], map_: Map) -> float:
     places = np.ix_(np.arange(0, len(whole), _APART), *map(np.arange, whole.shape[1:]))
     normals = np.broadcast_to(at.normals, at.views.shape)[places]
     points = normals, at.tangents(places), at.views[places]
-    shown = 2 * np.pi * map_.shaded().brushed_radiance(*points) @ LUMINANCE
+    with bilinear_filtering():
+        shown = 2 * np.pi * map_.shaded().brushed_radiance(*points) @ LUMINANCE
     return share_of_points(lighting, groups, whole[::_APART], shown - whole[::_APART], _APART)
 
 
