@@ -9,7 +9,7 @@ from shrm_cli import automatic
 from shrm_cli.errors import ArgumentError
 from shrm_cli.lights import beside
 from shrm_cli.lights.split import split_lamps
-from shrm_cli.maps import request
+from shrm_cli.maps import request, wrong_pixels
 from shrm_cli.maps.lamps.map import LampMap
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.principal import proposal as principal_proposal
@@ -473,6 +473,7 @@ def test_no_map_is_made_beside_lamps_in_vain(rng, monkeypatch):
     """Discs in place of a square box miss more than the map; that of a pixel misses nothing."""
     for name in ("WORTH_LAMPS", "FAR_LESS_WRONG", "FAR_SMALLER"):
         monkeypatch.setattr(policy, name, 0.0)
+    monkeypatch.setattr(wrong_pixels, "_LOOKED_UP", np.inf)  # maps are made for look-ups, too
     makes = counting(monkeypatch, principal_proposal, "lobe_of")
     foreseen = counting(monkeypatch, automatic._Choice, "foresee")
     for rows, columns, times, ways in ((slice(20, 34), slice(40, 60), 0, 3), (20, 40, 1, 4)):

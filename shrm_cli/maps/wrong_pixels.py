@@ -228,7 +228,8 @@ def beside_lamps(lamps: LampsBeside | None) -> Iterator[None]:
 
 
 _LOOKED_UP = 0.25
-"""The error of look-ups, in units of that of functions and orders, from which it shows."""
+"""The error of look-ups, in units of that of functions and orders, from which it shows. With a half
+4.6 % wrong pixels were predicted of `charlie` in a studio, and an engine showed 7.6 %."""
 _POINTS_BESIDE = 3840
 """The number of points at which lamps are integrated, and look-ups made, on all surfaces together,
 as long as all points count alike."""
