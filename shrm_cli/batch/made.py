@@ -7,13 +7,13 @@ probe, or somebody has edited since, is nobody's to replace without being told s
 
 import json
 import os
-import re
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from typing import Any
 
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.errors import MapError
+from shrm_cli.export.quoting import code_span, spans
 from shrm_cli.files.exr_header import condition, holds_nothing, is_output, says_map
 from shrm_cli.files.parts import peek
 from shrm_cli.maps import registry
@@ -174,7 +174,6 @@ RECORD = "_export.json"
 """What the names of a batch's records of exports end in."""
 _README = "_README.md"
 _MOST_README = 2**16
-_NAMED = re.compile(r"`([^`\n]+)`")
 
 
 def without_outputs(names: Iterable[str], pattern: str = "") -> tuple[list[str], list[str]]:
@@ -203,7 +202,9 @@ def without_outputs(names: Iterable[str], pattern: str = "") -> tuple[list[str],
             if folder not in exported:
                 exported[folder] = _exported(folder)
             is_made = (
-                lower.endswith((*others, RECORD)) or last in exported[folder] or _is_made(name)
+                lower.endswith((*others, RECORD))
+                or code_span(last) in exported[folder]
+                or _is_made(name)
             )
         (outputs if is_made else probes).append(name)
     return probes, outputs
@@ -219,7 +220,7 @@ def _is_made(name: str) -> bool:
 
 
 def _exported(folder: str) -> frozenset[str]:
-    """Return the names of the files that exports have written into a folder."""
+    """Return the `code_span`s of the files that exports have written into a folder."""
     found: set[str] = set()
     with suppress(OSError, ValueError):
         for name in os.listdir(folder or "."):
@@ -229,5 +230,5 @@ def _exported(folder: str) -> frozenset[str]:
                 text = stream.read(_MOST_README)
             title, _, files = text.partition("\nFiles: ")
             if ", by shrm " in title:
-                found |= {name, *_NAMED.findall(files.partition("\n")[0])}
+                found |= {code_span(name), *spans(files.partition("\n")[0])}
     return frozenset(found)

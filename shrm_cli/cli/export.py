@@ -223,7 +223,7 @@ def _exported(
 
     usage.check_outputs([str(folder / source.name) if folder.is_dir() else str(folder)])
     with usage.renamed(**_OPTIONS), progress_bar(f"exporting for {engine.name}") as progress:
-        made = packaged(source, engine, asked, progress, None if force else folder)
+        made = packaged(source, engine, asked, progress)
     if folder.is_dir():
         usage.check_outputs([str(folder / file.name) for file in made.files])
     paths = write(made, folder, kept=not force)

@@ -20,7 +20,7 @@ from shrm_cli.export.engine import engine as engine_of
 from shrm_cli.export.lamps import add_lamps, better_cures, without_lamps
 from shrm_cli.export.packing import packed, refuse_missing
 from shrm_cli.export.pixels import CURE
-from shrm_cli.export.readme import README, readme, recipe_of, refuse_other
+from shrm_cli.export.readme import readme
 from shrm_cli.export.tamed import tamed
 from shrm_cli.files.whole import keeping, note, together
 from shrm_cli.maps.base import Map
@@ -270,29 +270,18 @@ def export(
     given = several(sources, "sources")
     given = [each if isinstance(each, Probe) else os.fspath(each) for each in given]
     source = Source.open(given, reading=reading)
-    where = None if folder is None else Path(folder)
-    made = packaged(source, engine_of(engine), asked or Asked(), progress, where)
-    if where is not None:
-        write(made, where)
+    made = packaged(source, engine_of(engine), asked or Asked(), progress)
+    if folder is not None:
+        write(made, Path(folder))
     return made
 
 
 def packaged(
-    source: Source,
-    engine: Engine,
-    asked: Asked,
-    progress: Progress | None = None,
-    kept: Path | None = None,
+    source: Source, engine: Engine, asked: Asked, progress: Progress | None = None
 ) -> Package:
-    """Make the files of an engine.
-
-    `kept` is a folder that is refused, before the work, where other light or options made it.
-    """
+    """Make the files of an engine."""
     check(engine, asked)
     asset = None if asked.into is None else open_asset(asked.into)
-    recipe = recipe_of(source, engine, asked, asset)
-    if kept is not None:
-        refuse_other(kept / f"{source.name}{README}", recipe)
     work = Rising(progress)
     with using(work):
         light, told, warnings = gather(source, engine, asked)
@@ -315,7 +304,7 @@ def packaged(
     made.told[:0] = told
     made.warnings[:0] = warnings
     add_lamps(made, light, engine)
-    made.add_text(f"{light.name}{README}", readme(engine, light, made, recipe))
+    made.add_text(f"{light.name}_README.md", readme(engine, light, made))
     return made
 
 

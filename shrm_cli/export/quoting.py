@@ -10,6 +10,7 @@ import shlex
 from collections.abc import Iterable
 from urllib.parse import quote
 
+_SPAN = re.compile(r"(?<!`)(`+)(?!`).+?(?<!`)\1(?!`)")
 _MARKDOWN = re.compile(r"([\\`*_{}\[\]()<>#+!|&~-])")
 
 
@@ -45,6 +46,11 @@ def code_span(text: str) -> str:
     fence = "`" * (longest + 1)
     space = " " if "`" in text else ""
     return f"{fence}{space}{text}{space}{fence}"
+
+
+def spans(text: str) -> list[str]:
+    """Return the spans of code in a line, each as `code_span` writes it."""
+    return [found[0] for found in _SPAN.finditer(text)]
 
 
 def numbers(values: Iterable[float], unit: str = "") -> str:

@@ -147,15 +147,19 @@ class _File:
             raise MeshError(
                 f"{self._name}: more than {_MOST_PRIMITIVES:,} primitives; join its meshes"
             )
+        drawn = [
+            parts[gltf.index_in(node["mesh"], parts)] if "mesh" in node else []
+            for node in self._nodes
+        ]
+        count = sum(map(len, drawn))
+        if count > gltf.MOST_ITEMS:  # to place them all would take long
+            raise MeshError(f"{self._name}: its nodes show {count:,} primitives; join its meshes")
         places = self._places()
         shown = [
-            (each, parts[gltf.index_in(node["mesh"], parts)], node)
-            for each, node in enumerate(self._nodes)
-            if each in places and "mesh" in node and places[each][:3, :3].any()
+            (each, some, self._nodes[each])
+            for each, some in enumerate(drawn)
+            if some and each in places and places[each][:3, :3].any()
         ]
-        count = sum(len(some) for _, some, _ in shown)
-        if count > gltf.MOST_ITEMS:
-            raise MeshError(f"{self._name}: it shows {count:,} primitives; join its meshes")
         total = sum(len(part.faces) for _, some, _ in shown for part in some)
         if total > MOST_FACES:
             raise too_many(self._name, total)

@@ -7,7 +7,6 @@ import sys
 import numpy as np
 import pytest
 
-from shrm_cli.errors import OutputError
 from shrm_cli.export import make
 from shrm_cli.maps.file import open_map
 from shrm_cli.maps.splitsum import prefilter
@@ -52,24 +51,6 @@ def test_the_same_export_is_the_same_bytes(folder):
     done("export", "sky.exr", "--for", "bevy", "--size", "16", "-o", "b")
     assert snapshot(folder / "a") == snapshot(folder / "b")
     done("export", "sky.exr", "--for", "bevy", "--size", "16", "-o", "a")
-
-
-def test_other_options_are_refused_before_the_work(folder, monkeypatch):
-    """All levels were filtered before the folder was found to be another's."""
-    export = ("export", "sky.exr", "--for", "bevy", "--size", "16")
-    done(*export)
-    before = snapshot(folder / "sky.bevy")
-    with monkeypatch.context() as without:
-        without.setattr(make, "gather", lambda *_: pytest.fail("it worked"))
-        assert_refused(run(*export, "--skybox", "8"), 1, "sky_README.md: exists, and other inputs")
-        assert_refused(run(*export, "--yaw", "30"), 1, "--force")
-        with pytest.raises(OutputError, match="other inputs or options"):
-            make.export("sky.exr", "bevy", "sky.bevy")
-    assert snapshot(folder / "sky.bevy") == before
-    (folder / "sky.bevy" / "sky_README.md").unlink()  # what is left tells by its bytes
-    assert_refused(run(*export, "--yaw", "30"), 1, "sky_specular.ktx2: exists")
-    done(*export)
-    assert snapshot(folder / "sky.bevy") == before
 
 
 def test_a_light_goes_into_a_copy_of_a_gltf_file(folder):

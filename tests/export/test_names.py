@@ -9,7 +9,8 @@ from urllib.parse import unquote
 
 import pytest
 
-from shrm_cli.export.quoting import code_span, comment, markdown, string, uri
+from shrm_cli.batch.made import without_outputs
+from shrm_cli.export.quoting import code_span, comment, markdown, spans, string, uri
 from shrm_cli.vocabulary import ENGINES
 from tests.cli.helpers import noise, run, write_exr
 
@@ -41,6 +42,7 @@ def test_every_form_stands_for_the_name(name):
     assert "*/" not in said
     assert "/*" not in said
     fence = re.match("`+", code_span(name))[0]
+    assert spans(f"{code_span(name)}, {code_span('b')}.") == [code_span(name), "`b`"]
     inside = code_span(name)[len(fence) : -len(fence)]
     assert fence not in re.findall("`+", inside)
     assert inside.strip() == name.replace("\n", "?").replace("\u2028", "?").strip()
@@ -82,6 +84,12 @@ def test_files_are_named_so_that_they_are_found(exported, engine):
     assert text.count("\n") == len(text.splitlines())
     head, _, code = text.partition("\n\n")
     assert len(head.splitlines()) == (5 if code else 4)  # no name breaks a line
+    for line in head.splitlines():  # names of files stand in spans of code alone
+        outside = line
+        for each in files:
+            outside = outside.replace(code_span(each), "")
+        assert "`b" not in outside.replace("\\`b", "")
+    assert without_outputs(map(str, files.values()))[0] == []
     for line in code.splitlines():
         assert line.startswith("    "), line
     wanted = [each for each in strings(code) if each.rpartition(".")[2] in
