@@ -210,29 +210,29 @@ def together(lobes: Iterable[Lobes]) -> list[Lobes]:
     return sorted(found.values(), key=lambda each: -each.order)
 
 
-def lit(light: Array, groups: Sequence[Lobes]) -> tuple[Array, Array]:
+def lit(light: Array, groups: Sequence[Lobes], at: Pixels | None = None) -> tuple[Array, Array]:
     """Evaluate what lobes reflect, and their error, at the same points.
 
     `light`, of shape (>= (F+1)^2, channels), holds the coefficients over the real harmonics of
     world axes, in which the channels are weighted that are added. `groups` are each about another
-    central direction; the tangent stands alone.
+    central direction; the tangent stands alone. `at` are the points, by default those of `judged`.
 
     Returns `whole` and `error`, each of shape (directions, views, azimuths).
     """
     first, *others = groups
-    at = judged(groups)
+    at = at or judged(groups)
     values = _about_own(light, first, at)
     for each in others:
         values = values + _about_own(light, each.recentered(len(at.theta_o)), at)
     return values[0], values[1]
 
 
-def judged(groups: Sequence[Lobes]) -> Pixels:
-    """Return the pixels that lobes are judged by together."""
+def judged(groups: Sequence[Lobes], is_dense: bool = False) -> Pixels:
+    """Return the pixels that lobes are judged by together; four times as many if they are dense."""
     first, *others = groups
     is_brushed = any(np.iscomplexobj(each.whole) for each in groups)
     is_zonal = not others and first.max_q == 0 and first.whole.shape[2] == 1
-    return pixels(first.center, is_brushed, is_zonal)
+    return pixels(first.center, is_brushed, is_zonal or is_dense)
 
 
 def _about_own(light: Array, lobes: Lobes, at: Pixels) -> Array:

@@ -38,9 +38,9 @@ class LookUps:
     radiance: Callable[[Array, Array, Array], Array]
     """Takes normals, tangents and views; returns what the map shows, shape (..., 3)."""
 
-    def lost(self, lighting: Lighting) -> Lost:
+    def lost(self, lighting: Lighting, at: Pixels) -> Lost:
         """Return what look-ups on a GPU lose of the luminance at points, as lobes tell it."""
-        held, _ = lit(lighting.coefficients * LUMINANCE, together(self.held))
+        held, _ = lit(lighting.coefficients * LUMINANCE, together(self.held), at)
 
         def lost_at(at: Pixels, places: tuple[Indices, ...]) -> Array:
             with bilinear_filtering():
@@ -71,21 +71,24 @@ def wrong_share(
     if is_all_known and not any(each.error.any() for each in lobes):
         return 0.0
     groups = together(lobes)
-    whole, error = lit(lighting.coefficients * LUMINANCE, groups)
-    lost = None if look_ups is None else look_ups.lost(lighting)
-    return share_of_points(lighting, groups, whole, error, lost=lost)
+    # Texels are finer than what lobes show. Lamps take too long at as many points.
+    at = judged(groups, look_ups is not None and lamps_beside.get() is None)
+    whole, error = lit(lighting.coefficients * LUMINANCE, groups, at)
+    lost = None if look_ups is None else look_ups.lost(lighting, at)
+    return share_of_points(lighting, groups, whole, error, lost=lost, at=at)
 
 
 def share_of_points(
     lighting: Lighting, groups: Sequence[Lobes], whole: Array, error: Array, apart: int = 1,
-    lost: Lost | None = None,
+    lost: Lost | None = None, at: Pixels | None = None,
 ) -> float:  # fmt: skip
     """Return the share of points at which the error is too large.
 
     `whole` and `error`, of shape (directions, views, azimuths), are what `lit` returns for light
     and lobes; or those of every direction that is so many `apart`. `lost` is added to the error.
+    `at` are the points, by default those of `judged`.
     """
-    lamps, at, first = lamps_beside.get(), judged(groups), lighting.coefficients[:1]
+    lamps, first, at = lamps_beside.get(), lighting.coefficients[:1], at or judged(groups)
     floor = SEEN_FLOOR * _mean(first if lamps is None else first + lamps.lit.first, groups)
 
     def is_wrong(seen: Array, wrong: Array) -> Array:
