@@ -198,7 +198,7 @@ def test_same_bytes_twice(folder):
         (["room.exr"], MapError, "room.exr: an image, but not a map"),
         (["spot.exr", "room.exr"], MapError, "room.exr: an image, but not a map"),
         (["spot.exr", "--background", "no.exr"], ProbeError, "no.exr"),
-        (["spot.exr", "-o", "x.jpg"], OutputError, ".png or .exr"),
+        (["spot.exr", "-o", "x.jpg"], OutputError, "what is written is .png, .exr"),
         (["spot.exr", "-o", "spot.exr"], OutputError, "overwrite the input"),
         (["spot.exr", "--background", "room.exr", "-o", "room.exr"], OutputError, "overwrite"),
         (["spot.exr", "-o", "no/x.png"], OutputError, "no folder"),
