@@ -371,7 +371,7 @@ def test_fibres_are_looked_up_about_their_own_direction(light, to, spec, given):
 @pytest.mark.parametrize("spec", MATERIALS)
 @pytest.mark.parametrize("name", ["courtyard", "night", "studio"])
 def test_it_is_right_under_real_light(real_probes, name, spec):
-    """README counts a city and an interior, too: right to a quarter of itself, or to half a percent."""
+    """README counts a city and an interior, too: right to a quarter, or to half a percent."""
     check_under_real_light(
         real_probes / f"{name}.exr", spec, ("shrm", {}), ("principal", {"max_size": "1MB"})
     )
