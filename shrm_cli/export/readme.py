@@ -1,8 +1,13 @@
 """The README of an export, which says what was done, and how it is loaded."""
 
+import re
+
 from shrm_cli import __release__
 from shrm_cli.export.engine import Engine, Light, Package
 from shrm_cli.export.quoting import code_span, markdown
+
+_PLAIN = re.compile(r"[^\W_][\w.-]*")
+"""Names of files that Markdown shows as they are, also outside of spans of code."""
 
 
 def readme(engine: Engine, light: Light, package: Package) -> str:
@@ -11,14 +16,15 @@ def readme(engine: Engine, light: Light, package: Package) -> str:
     File names stand in it without folders, so that the same light makes the same text anywhere.
     """
     spans = [code_span(file.name) for file in package.files]
-    parts = ((code_span(line.partition(": ")[0]), line) for line in package.told)
-    told = "; ".join(
-        f"{span}: {line.partition(': ')[2]}" if span in spans else line for span, line in parts
-    )
+    told = []
+    for line in package.told:
+        name, colon, rest = line.partition(": ")
+        is_hard = code_span(name) in spans and not _PLAIN.fullmatch(name)
+        told.append(f"{code_span(name)}{colon}{rest}" if is_hard else line)
     lines = [
         f"Light of {markdown(light.source)} for {engine.title}, by shrm {__release__}. Linear RGB.",
         f"Files: {', '.join(spans)}.",
-        f"What was done: {told or 'nothing was turned or scaled'}.",
+        f"What was done: {'; '.join(told) or 'nothing was turned or scaled'}.",
     ]
     if package.loading:
         code = (f"    {line}" for line in package.loading)

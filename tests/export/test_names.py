@@ -83,7 +83,7 @@ def test_files_are_named_so_that_they_are_found(exported, engine):
     text = readme.read_text()
     assert text.count("\n") == len(text.splitlines())
     head, _, code = text.partition("\n\n")
-    assert len(head.splitlines()) == (5 if code else 4)  # no name breaks a line
+    assert len(head.splitlines()) == (4 if code else 3)  # no name breaks a line
     for line in head.splitlines():  # names of files stand in spans of code alone
         outside = line
         for each in files:
