@@ -15,9 +15,8 @@ from shrm_cli.export.pixels import CURE
 from shrm_cli.lights.snippets import beside_cubes
 from shrm_cli.lights.split import LampSplit, split_lamps
 from shrm_cli.probe.disc import Disc
-from shrm_cli.probe.lighting import project
 from shrm_cli.probe.probe import Probe
-from shrm_cli.vocabulary import LAMP_COUNT, LUMINANCE
+from shrm_cli.vocabulary import LAMP_COUNT
 
 
 def without_lamps(
@@ -65,13 +64,11 @@ def better_cures(made: Package, probe: Probe, engine: Engine) -> list[str]:
 
 
 def _lamps_line(split: LampSplit) -> str:
-    light = np.sqrt(4 * np.pi) * float(project(split.probe, 0).coefficients[0] @ LUMINANCE)
-    share = sum(float(lamp.light.flux @ LUMINANCE) for lamp in split.lamps) / light
     radii = ", ".join(f"{np.degrees(disc.radius):.2g}" for disc in split.discs)
     left = f"; {split.left} more stay" if split.left else ""
     return (
-        f"lamps: {share:.1%} of the light is lights of the engine, discs of a radius of {radii} "
-        f"degrees{left}; together they change the irradiance by {split.proof.rms:.2g} RMS"
+        f"lamps: {split.share:.1%} of the light is lights of the engine, discs of a radius of "
+        f"{radii} degrees{left}; together they change the irradiance by {split.proof.rms:.2g} RMS"
     )
 
 

@@ -39,7 +39,7 @@ from shrm_cli.progress import using
 from shrm_cli.records import once_each, record
 from shrm_cli.reference import Reference
 from shrm_cli.reflected import reflected_rms
-from shrm_cli.vocabulary import DEFAULT_ERROR, LUMINANCE
+from shrm_cli.vocabulary import DEFAULT_ERROR
 
 _ORDERS = 192, 8
 """The degrees and azimuthal orders of a BRDF that tell how much light lamps reflect. What lies
@@ -362,7 +362,4 @@ def lamps_share(probe: Probe) -> float:
     Large ones are worth taking out, too: gold of roughness 0.3 in a studio has 13 % of its pixels
     wrong in 21 MB, and 4 % in 0.6 MB beside soft boxes that are discs, with 7 % of RMS error.
     """
-    mean = project(probe, 0).coefficients[0] / np.sqrt(4 * np.pi)
-    whole = 4 * np.pi * float(mean @ LUMINANCE)
-    lamps = split_of(probe).lamps
-    return sum(float(each.light.flux @ LUMINANCE) for each in lamps) / whole if whole > 0 else 0.0
+    return split_of(probe).share

@@ -35,7 +35,7 @@ from shrm_cli.sphere.directions import normalize
 from shrm_cli.sphere.grid.base import Grid
 from shrm_cli.sphere.harmonics import degrees, order_of, real_harmonics
 from shrm_cli.sphere.quadrature import spiral_directions
-from shrm_cli.vocabulary import LAMP_COUNT, LAMP_ERROR
+from shrm_cli.vocabulary import LAMP_COUNT, LAMP_ERROR, LUMINANCE
 
 MOST_OF_LAMP = 16
 """The most discs of a lamp."""
@@ -75,6 +75,13 @@ class LampSplit(Displayed):
     @property
     def discs(self) -> tuple[Disc, ...]:
         return tuple(disc for lamp in self.lamps for disc in lamp.discs)
+
+    @property
+    def share(self) -> float:
+        """The part of the luminance of the probe's light that is in the lamps; 0 of black light."""
+        whole = np.sqrt(4 * np.pi) * float(project(self.probe, 0).coefficients[0] @ LUMINANCE)
+        lit = sum(float(lamp.light.flux @ LUMINANCE) for lamp in self.lamps)
+        return lit / whole if whole > 0 else 0.0
 
     @cached_property
     def residual(self) -> NDArray[np.float32]:

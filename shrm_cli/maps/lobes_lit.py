@@ -17,6 +17,7 @@ are turned in this plane, each view's by an angle of its own.
 from collections.abc import Hashable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
+from functools import reduce
 from hashlib import blake2b
 from itertools import pairwise
 
@@ -194,10 +195,7 @@ def reflected(lobes: Lobes, light: Array, at: Pixels) -> Array:
     faded = np.zeros((len(fading), 3))
     known = light[: len(faded)]
     faded[: len(known)] = known * fading[: len(known), None]
-    lobes = lobes.at_views(len(at.theta_o))
-    if lobes.center != at.center:
-        lobes = lobes.recentered(len(at.theta_o))
-    return _about_own(faded * LUMINANCE, lobes, at)[0]
+    return _reflected_at(faded * LUMINANCE, lobes.at_views(len(at.theta_o)), at)[0]
 
 
 def together(lobes: Iterable[Lobes]) -> list[Lobes]:
@@ -219,11 +217,9 @@ def lit(light: Array, groups: Sequence[Lobes], at: Pixels | None = None) -> tupl
 
     Returns `whole` and `error`, each of shape (directions, views, azimuths).
     """
-    first, *others = groups
     at = at or judged(groups)
-    values = _about_own(light, first, at)
-    for each in others:
-        values = values + _about_own(light, each.recentered(len(at.theta_o)), at)
+    # Lobes that are the same for all views reflect the light for one.
+    values: Array = reduce(np.add, (_reflected_at(light, each, at) for each in groups))
     return values[0], values[1]
 
 
@@ -235,12 +231,14 @@ def judged(groups: Sequence[Lobes], is_dense: bool = False) -> Pixels:
     return pixels(first.center, is_brushed, is_zonal or is_dense)
 
 
-def _about_own(light: Array, lobes: Lobes, at: Pixels) -> Array:
-    """Reflect light about the central directions of lobes.
+def _reflected_at(light: Array, lobes: Lobes, at: Pixels) -> Array:
+    """Reflect light by lobes at pixels, which may have another central direction than they.
 
     Returns an array of shape (2, directions, views, azimuths): the light that is reflected, and the
     error of it.
     """
+    if lobes.center != at.center:
+        lobes = lobes.recentered(len(at.theta_o))
     light = light[: (lobes.order + 1) ** 2]
     if lobes.whole.shape[-1] == 1:
         light = light.sum(axis=1, keepdims=True)

@@ -95,8 +95,8 @@ def disc_coefficients(discs: Sequence[Disc], order: int) -> Array:
         waves = np.full((order + 1, len(some)), np.sqrt(2), dtype=complex)
         waves[0] = 1
         waves[1:] *= np.cumprod(np.broadcast_to(phase, (order, len(some))), axis=0)
-        lit = np.concatenate([waves.real[..., None], waves.imag[..., None]], axis=-1)
-        lit = (lit[..., None] * radiance[:, None]).reshape(order + 1, len(some), 6)
+        lit = np.stack([waves.real, waves.imag], axis=-1)[..., None] * radiance[:, None]
+        lit = lit.reshape(order + 1, len(some), 6)
         around = np.add.reduceat(lit, starts, axis=1)
         scale = np.sqrt(4 * np.pi / (2 * np.arange(order + 1) + 1))
         zonal = scale[:, None] * zonal_of_discs(order, radius, area)

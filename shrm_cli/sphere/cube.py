@@ -137,6 +137,7 @@ _VALUES_AT_ONCE = 2**17
 
 
 _is_bilinear: ContextVar[bool] = ContextVar("_is_bilinear", default=False)
+"""Whether cubes are looked up within `bilinear_filtering`."""
 
 
 class CubeSampler:
