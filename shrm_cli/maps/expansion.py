@@ -248,7 +248,7 @@ def predicted_wrong_share(expansions: Sequence[Expansion], made: Map | None = No
     if is_exact and all(each.error == 0 for each in expansions):
         return 0.0
     missed, held = zip(*(_lobes_of(each) for each in expansions), strict=True)
-    look_ups = None if made is None else LookUps(held, made.shaded().brushed_radiance)
+    look_ups = None if made is None else LookUps(made.shaded().brushed_radiance, held)
     return wrong_share(_light_of(expansions), missed, look_ups)
 
 

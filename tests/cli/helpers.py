@@ -130,7 +130,8 @@ def start(*arguments, code=MAIN, **options):
 def process(*arguments, code=MAIN):
     """Run `shrm`, or other code with its arguments, as a process of its own."""
     with start(*arguments, code=code) as child:
-        out, err = child.communicate(timeout=60)
+        # What hangs ends, but what is slow on a busy machine does not.
+        out, err = child.communicate(timeout=600)
     return Run(child.returncode, out, err)
 
 

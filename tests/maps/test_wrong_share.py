@@ -387,12 +387,24 @@ def test_shrms_of_an_error_are_right_under_real_light(real_probes, name, spec):
     check_under_real_light(real_probes / f"{name}.exr", spec, ("shrm", {"error": 0.05}))
 
 
-def check_under_real_light(path, spec, *forms):
-    """Check the prediction of each form, with what is given for it, against the adaptive truth."""
-    rng, probe = np.random.default_rng(7), open_probe(path)
-    mirrored, views = (brute_force.unit(rng, 4000) for _ in range(2))
+def points_of_spheres(count):
+    """Return normals, views and any angles, (count, 1), that are even over all pixels of spheres.
+
+    2.7 % of 4000 random ones were wrong of `charlie` in a studio, and of more 2.1 %.
+    """
+    from scipy.stats import qmc  # which takes a second to load
+
+    drawn = qmc.Sobol(5, rng=7).random(count)
+    mirrored, views = (brute_force.on_sphere(drawn[:, at : at + 2]) for at in (0, 2))
     normals = mirrored + views
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return normals, views, 2 * np.pi * drawn[:, 4:]
+
+
+def check_under_real_light(path, spec, *forms):
+    """Check the prediction of each form, with what is given for it, against the adaptive truth."""
+    normals, views, _ = points_of_spheres(8192)
+    probe = open_probe(path)
     truth = Reference(probe, parse_spec(spec)).radiance(normals, views)
     for to, given in forms:
         with warnings.catch_warnings():
@@ -406,13 +418,9 @@ def check_under_real_light(path, spec, *forms):
 
 def brushed_shares(probe, spec, made, count):
     """The wrong pixels of spheres that are brushed around +Y, and of any that are brushed."""
-    rng = np.random.default_rng(13)
-    mirrored, views = (brute_force.unit(rng, count) for _ in range(2))
-    normals = mirrored + views
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    normals, views, angle = points_of_spheres(count)
     around = np.cross([0, 1, 0], normals)
     around /= np.linalg.norm(around, axis=1, keepdims=True)
-    angle = rng.uniform(0, 2 * np.pi, (count, 1))
     any_way = np.cos(angle) * around + np.sin(angle) * np.cross(normals, around)
     reference, shares = Reference(probe, parse_spec(spec)), []
     for tangents in (around, any_way):
@@ -434,7 +442,7 @@ def test_brushed_surfaces_are_judged_as_spheres_are_drawn():
     """Of them more pixels are wrong than of meshes that are brushed in all directions."""
     spec, probe = "ggx:roughness=0.5,anisotropy=0.8", Probe.from_array(low_sun())
     made = prefilter_with_facts(probe, "principal", {"brdf": spec, "max_size": "1MB"})
-    spheres, meshes = brushed_shares(probe, spec, made.map, 1500)
+    spheres, meshes = brushed_shares(probe, spec, made.map, 2048)
     assert spheres > 1.3 * meshes
     assert made.summary()["predicted_wrong_share"] == pytest.approx(spheres, rel=0.15)
 
@@ -451,7 +459,7 @@ def test_brushed_surfaces_are_right_under_real_light(real_probes, name, spec):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ShrmWarning)
         made = prefilter_with_facts(probe, "principal", {"brdf": spec, "max_size": "500kB"})
-    measured = max(brushed_shares(probe, spec, made.map, 2500))
+    measured = max(brushed_shares(probe, spec, made.map, 4096))
     assert made.further["predicted_wrong_share"]() == pytest.approx(measured, rel=0.2, abs=0.005)
 
 

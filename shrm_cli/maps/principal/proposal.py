@@ -5,7 +5,7 @@ sample. A few azimuths of the view tell nearly what error the best map has, in a
 and a share of wrong pixels that is too large, as functions have too few waves over the azimuth.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 
@@ -84,12 +84,9 @@ class Proposal:
     def wrong_share(self) -> float:
         """Predict the share of what is visible whose luminance is wrong by more than 5 %.
 
-        Look-ups count where they lose much. Not so those of brushed terms, whose lobes are known at
-        some azimuths alone.
+        Look-ups count where they lose much.
         """
-        error, filter_error = self.info.predicted_error, self.info.filter_error
-        is_brushed = any(isinstance(each.planner.spectrum, BrushedSpectrum) for each in self.terms)
-        are_seen = are_look_ups_seen(error, filter_error) and not is_brushed
+        are_seen = are_look_ups_seen(self.info.predicted_error, self.info.filter_error)
         return predicted_wrong_share(self.terms, self._map() if are_seen else None)
 
     def _map(self) -> PrincipalMap:
@@ -322,9 +319,12 @@ def is_out_of_reach(planners: Sequence[Planner], want: Request) -> bool:
         return True
     if want.seen is None:
         return False
-    is_brushed = any(isinstance(planner.spectrum, BrushedSpectrum) for planner in planners)
     share = predicted_wrong_share(list(map(Term, planners, forms)))
-    return share > (_FAR_BRUSHED if is_brushed else _FAR) * want.seen
+    return share > (_FAR_BRUSHED if _is_brushed(planners) else _FAR) * want.seen
+
+
+def _is_brushed(planners: Iterable[Planner]) -> bool:
+    return any(isinstance(planner.spectrum, BrushedSpectrum) for planner in planners)
 
 
 def predicted_wrong_share(terms: Sequence[Term], made: PrincipalMap | None = None) -> float:
@@ -339,8 +339,10 @@ def predicted_wrong_share(terms: Sequence[Term], made: PrincipalMap | None = Non
     lighting = max((planner.lighting for planner, _ in terms), key=lambda each: each.order)
     held = [_held(*term) for term in terms]
     lobes = [_missed(planner, each) for (planner, _), each in zip(terms, held, strict=True)]
-    look_ups = None if made is None else LookUps(held, made.brushed_radiance)
-    return wrong_share(lighting, lobes, look_ups)
+    if made is None:
+        return wrong_share(lighting, lobes)
+    is_coarse = _is_brushed(planner for planner, _ in terms)
+    return wrong_share(lighting, lobes, LookUps(made.brushed_radiance, None if is_coarse else held))
 
 
 def _held(planner: Planner, form: Form) -> Lobes:
