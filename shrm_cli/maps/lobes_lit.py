@@ -224,11 +224,11 @@ def lit(light: Array, groups: Sequence[Lobes], at: Pixels | None = None) -> tupl
 
 
 def judged(groups: Sequence[Lobes], is_dense: bool = False) -> Pixels:
-    """Return the pixels that lobes are judged by together; four times as many if they are dense."""
+    """Return the pixels that lobes are judged by together; more if they are to be dense."""
     first, *others = groups
     is_brushed = any(np.iscomplexobj(each.whole) for each in groups)
     is_zonal = not others and first.max_q == 0 and first.whole.shape[2] == 1
-    return pixels(first.center, is_brushed, is_zonal or is_dense)
+    return pixels(first.center, is_brushed, is_dense, is_zonal)
 
 
 def _reflected_at(light: Array, lobes: Lobes, at: Pixels) -> Array:

@@ -98,65 +98,77 @@ def share_of_points(
     lamps, first, at = lamps_beside.get(), lighting.coefficients[:1], at or judged(groups)
     floor = SEEN_FLOOR * _mean(first if lamps is None else first + lamps.lit.first, groups)
 
-    def is_wrong(seen: Array, wrong: Array) -> Array:
-        return np.asarray(np.abs(wrong) > WRONG * np.maximum(seen, floor), dtype=float)
+    def badness(seen: Array, wrong: Array) -> Array:
+        return np.asarray(np.abs(wrong) / (WRONG * np.maximum(seen, floor)))
 
     parts, found = np.broadcast_to(at.parts, at.views.shape[:-1])[::apart], []
     by_view = sample_views(at.center, error.shape[1])[1]
-    of_all = is_wrong(whole, error) * at.parts
     for each in at.surfaces:
-        share = float(of_all[..., each].mean(axis=(0, 2)) @ by_view)
-        if lamps is not None or look_ups is not None:
-            # Lamps and look-ups take long, so that they are known of some points.
-            some, shares = _some_points(parts, each)
-            seen, wrong = (np.broadcast_to(values, parts.shape)[some] for values in (whole, error))
-            places = some[0] * apart, *some[1:]
-            if lamps is not None:
-                seen = seen + lamps.lit.seen_at(at, places)
-                wrong = wrong + lamps.wrong_at(at, places)
-                share = float(is_wrong(seen, wrong) @ shares)
-            if look_ups is not None:
-                # They change little, and the other points tell the rest.
-                fewer, parts_of_one = _thinned(shares)
-                lost = look_ups.lost_at(at, tuple(each[fewer] for each in places), lighting)
-                seen, wrong = seen[fewer], wrong[fewer]
-                more = is_wrong(seen, wrong + lost) - is_wrong(seen, wrong)
-                share = max(share + float(more @ parts_of_one), 0.0)
+        seen, wrong = (np.broadcast_to(values, parts.shape)[..., each] for values in (whole, error))
+        shares: Array = parts[..., each] * by_view[:, None]
+        points: Points = tuple(np.indices(shares.shape))
+        if lamps is not None:
+            # They take long, so that they are known of some points.
+            are_alike, most = np.ptp(parts[..., each]) == 0, _POINTS_BESIDE // len(at.surfaces)
+            points, shares = _some_points(shares, most if are_alike else None)
+            places = _places(points, each, apart)
+            seen = seen[points] + lamps.lit.seen_at(at, places)
+            wrong = wrong[points] + lamps.wrong_at(at, places)
+        shares = shares / float(shares.sum())
+        bad = badness(seen, wrong)
+        share = float(np.sum(shares, where=bad > 1))
+        if look_ups is not None:
+            # These take long, too, and change little.
+            drawn, stand_for = _drawn(shares.ravel(), bad.ravel())
+            places = _places(tuple(axis.ravel()[drawn] for axis in points), each, apart)
+            seen, wrong = seen.ravel()[drawn], wrong.ravel()[drawn]
+            lost = look_ups.lost_at(at, places, lighting)
+            more = 1.0 * (badness(seen, wrong + lost) > 1) - (badness(seen, wrong) > 1)
+            share = min(max(share + float(more @ stand_for), 0.0), 1.0)
         found.append(share)
     return max(found)
 
 
-def _some_points(parts: Array, surface: slice) -> tuple[Points, Array]:
-    """Return the indices of some of the points of a surface, and the share that each stands for.
+def _places(points: Points, surface: slice, apart: int) -> Points:
+    """Return where points of a surface stand among the pixels, of which so many are apart."""
+    direction, view, azimuth = points
+    return direction * apart, view, azimuth + (surface.start or 0)
 
-    `parts` are those of `Pixels` for all points. Lamps take long to integrate. Where all count
-    alike, each direction has a few of the views, at one azimuth, which stands for all of them.
-    Where tangents are horizontal, most points have hardly any normals, and the few others are all
-    taken: of every sixth of the views 4.5 % seemed wrong of gold under a sunrise, and 6 % were.
+
+def _some_points(shares: Array, most: int | None) -> tuple[Points, Array]:
+    """Return some of the points of a surface, and their shares of those of all.
+
+    Where all azimuths count alike there are `most` of them: each direction has a few of the views,
+    at one azimuth, which stands for all of them. Where tangents are horizontal, most points have
+    hardly any normals, and the few others are all taken: of every sixth of the views 4.5 % seemed
+    wrong of gold under a sunrise, and 6 % were.
     """
-    directions, views, azimuths = parts[..., surface].shape
-    direction, first = np.arange(directions)[:, None], surface.indices(parts.shape[2])[0]
-    if np.ptp(parts[..., surface]) > 0:
-        direction, view, azimuth = np.nonzero(parts[..., surface])
-    else:
-        count = _POINTS_BESIDE // directions * azimuths // parts.shape[2]
-        view = np.arange(count) * (views // count) + direction % (views // count)
-        azimuth = (direction + view) % azimuths
-    direction, view, azimuth = np.broadcast_arrays(direction, view, first + azimuth)
-    points = direction.ravel(), view.ravel(), azimuth.ravel()
-    shares = sample_views("reflection", views)[1][points[1]] * parts[points]
-    return points, shares / float(shares.sum())
+    points: Points
+    if most is None:
+        points = np.nonzero(shares)
+        return points, shares[points]
+    directions, views, azimuths = shares.shape
+    direction = np.arange(0, directions, max(directions // most, 1))[:, None]
+    count = max(most // directions, 1)
+    view = np.arange(count) * (views // count) + direction % (views // count)
+    direction, view = np.broadcast_arrays(direction, view)
+    points = direction, view, (direction + view) % azimuths
+    return points, shares[points]
 
 
-def _thinned(shares: Array) -> tuple[Indices, Array]:
-    """Return the indices of fewer points where there are too many, and the share of each of them.
+def _drawn(shares: Array, bad: Array) -> tuple[Indices, Array]:
+    """Draw points for look-ups, more of them where these may decide whether a pixel is wrong.
 
-    Each of the fewer ones stands for as many pixels.
+    `shares` are the parts of all pixels that points stand for, and `bad` is how wrong they are
+    without look-ups, 1 where they are just wrong; both of shape (n,).
+
+    Returns the indices of some, and what each of them stands for, shape (`_POINTS_BESIDE`,).
     """
-    if len(shares) <= _POINTS_BESIDE:
-        return np.arange(len(shares)), shares
-    parts = (np.arange(_POINTS_BESIDE) + 0.5) / _POINTS_BESIDE
-    return np.searchsorted(np.cumsum(shares), parts), np.full(_POINTS_BESIDE, 1 / _POINTS_BESIDE)
+    density = shares * np.where((bad > 1 / _NEAR) & (bad < _NEAR), _MORE, 1.0)
+    sums = np.cumsum(density)
+    step = float(sums[-1]) / _POINTS_BESIDE
+    found = np.searchsorted(sums, step * (np.arange(_POINTS_BESIDE) + 0.5))
+    return found, step * shares[found] / density[found]
 
 
 def _mean(first: Array, groups: Sequence[Lobes]) -> float:
@@ -251,12 +263,15 @@ def beside_lamps(lamps: LampsBeside | None) -> Iterator[None]:
         lamps_beside.reset(token)
 
 
-_LOOKED_UP = 0.25
+_LOOKED_UP = 0.1
 """The error of look-ups, in units of that of functions and orders, from which it shows. With a half
 4.6 % wrong pixels were predicted of `charlie` in a studio, and an engine showed 7.6 %."""
 _POINTS_BESIDE = 3840
 """The number of points at which lamps are integrated, and look-ups made, on all surfaces together,
 as long as all points count alike."""
+_NEAR, _MORE = 3.0, 10.0
+"""Points that are wrong by a third to three times of what shows are drawn so many times as often
+for look-ups."""
 _PAIRS = 4096
 """The number of pairs of a mirror direction and a view that are looked at."""
 

@@ -57,8 +57,8 @@ MORE = 3
 """Steps more where it does: it takes so many for a rule that is good at both kinds of ends."""
 EXACT = 1e-3
 """The part of the largest value for a view that a rule may miss."""
-FEW = 6
-"""Steps where a disc is beyond reach of the lobe."""
+_FAR = 1e-2
+"""The part of a value that fewer steps may miss where a disc is beyond reach of the lobe."""
 _REACH = 3.0
 """Widths of the peak and radii of the disc together that are within its reach."""
 _BEYOND = 1.0, 1.4, 2.0, 3.0, 5.0
@@ -91,7 +91,9 @@ class DiscRule:
     steps: int
     """Longitudes where the horizon does not cut the disc, and latitudes on each of them."""
     reach: float = np.pi
-    """The distance of C from the middle of a disc, radians, from which on `FEW` steps do."""
+    """The distance of C from the middle of a disc, radians, from which on fewer steps do."""
+    few: int = 1
+    """The steps there."""
 
     def longitudes(self, is_cut: bool) -> int:
         """Return how many there are: more where the horizon cuts the disc."""
@@ -100,7 +102,7 @@ class DiscRule:
     @property
     def beyond(self) -> "DiscRule":
         """The rule for what is beyond reach."""
-        return DiscRule(self.width, min(self.steps, FEW))
+        return DiscRule(self.width, self.few)
 
     @classmethod
     def of(cls, brdf: Brdf, radius: float, exact: float = EXACT) -> "DiscRule":
@@ -128,7 +130,7 @@ class DiscRule:
         good = (n for n in _SIZES if misses(values(n, axes)) <= exact)
         steps = next(good, _SIZES[-1])
         reach = _REACH * (width + radius)
-        if steps <= FEW or reach > _MOST_REACH:
+        if reach > _MOST_REACH:
             return cls(width, steps)
         far = _beside(brdf, normals, views, np.minimum(reach * np.array(_BEYOND), np.pi))
         # Some BRDFs have a second peak towards the view.
@@ -137,8 +139,11 @@ class DiscRule:
         )
         backwards = np.where(aside < np.cos(reach), views, far[:, :1])
         far = np.concatenate([far, backwards], axis=1)
-        missed = np.max(np.abs(values(FEW, far) - values(steps, far)) / largest)
-        return cls(width, steps, reach if missed <= exact else np.pi)
+        truth = values(steps, far)
+        # What is seen there may be far less than in the peak.
+        largest = np.maximum(truth, exact * largest_of(truth))
+        few = next((n for n in _SIZES if n < steps and misses(values(n, far)) <= _FAR), steps)
+        return cls(width, steps, reach, few) if few < steps else cls(width, steps)
 
 
 def integrals(

@@ -8,7 +8,7 @@ import numpy as np
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.lobe import cuts_horizon
 from shrm_cli.maps.lamps.models import Functions
-from shrm_cli.maps.lamps.rule import FEW, LEAST_COSINE, MORE, LitDiscs, chebyshev, sines
+from shrm_cli.maps.lamps.rule import LEAST_COSINE, MORE, LitDiscs, chebyshev, sines
 from shrm_cli.maps.shader.language import Language, filled
 from shrm_cli.maps.shader.source import BRUSHED_BY_TANGENT, central_direction, tangent_function
 from shrm_cli.sphere.quadrature import gauss_legendre
@@ -180,9 +180,8 @@ def _lamps(lamps: LitDiscs, language: Language) -> list[str]:
     discs, rules = lamps.discs, lamps.rules
     is_brushed = not lamps.brdf.isotropic
     radii = np.array([disc.radius for disc in discs])
-    reaches = any(rule.reach < math.pi for rule in rules)
     # What is beyond reach takes the first steps of the tables.
-    few = [FEW] if reaches else []
+    few = sorted(rule.few for rule in rules if rule.reach < math.pi)[-1:]
     steps = [*few, *sorted({rule.steps for rule in rules}.difference(few))]
     places = np.array([steps.index(rule.steps) for rule in rules])
     skipped = np.append(0, np.cumsum(steps))[places]
@@ -208,9 +207,9 @@ def _lamps(lamps: LitDiscs, language: Language) -> list[str]:
     )
     words = {
         "CUT": _CUT if cuts else "",
-        "REACHED": _REACH if reaches else "",
+        "REACHED": _REACH if few else "",
         "FIRST": " past = 0;" if cuts else "",
-        "FEW": str(FEW),
+        "FEW": str(*few),
         "MORE": str(MORE),
         "WIDTH": language.number(rules[0].width),
         "LEAST": language.number(LEAST_COSINE),

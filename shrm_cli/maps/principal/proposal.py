@@ -87,8 +87,9 @@ class Proposal:
         Look-ups count where they lose much.
         """
         are_seen = are_look_ups_seen(self.info.predicted_error, self.info.filter_error)
-        return predicted_wrong_share(self.terms, self._map() if are_seen else None)
+        return predicted_wrong_share(self.terms, self._map if are_seen else None)
 
+    @cached_property
     def _map(self) -> PrincipalMap:
         lobes = tuple(lobe_of(term, self.sampling) for term in self.terms)
         return PrincipalMap(lobes, self.info, self.sampling)
@@ -98,7 +99,7 @@ class Proposal:
         said = (term.planner.spectrum.transfer.remark for term in self.terms)
         remarks = [f"the BRDF is {each}" for each in said if each is not None]
         facts, further = {"error_bound": None}, {"predicted_wrong_share": self.wrong_share}
-        return Prefiltered(self._map(), facts, self.notes, (*remarks, *warnings), further)
+        return Prefiltered(self._map, facts, self.notes, (*remarks, *warnings), further)
 
     def candidate(self) -> Candidate[Prefiltered]:
         """Return the map as the search knows it."""

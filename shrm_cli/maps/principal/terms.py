@@ -28,6 +28,8 @@ from shrm_cli.vocabulary import MAX_ORDER_F, Center
 
 _FIRST_ORDER = 64
 """The least order F to which transfer functions are computed first; it grows until it suffices."""
+_FEW_DEGREES = 192
+"""Degrees that a probe is projected to in a tenth of the time that all take."""
 _WAVES_A_LOBE = 3.0
 """Few lobes have enough with an F below this over their width in radians. Most need more."""
 _ACCURACY = 1e-4, 1e-3
@@ -149,9 +151,17 @@ def _planner_for_tolerance(light: Projection, brdf: Brdf, want: Request) -> Plan
 
 
 def first_planner(light: Projection, brdf: Brdf, want: Request) -> Planner:
-    """Factorize an isotropic BRDF to the orders with which `planner_of` begins."""
-    transfer = _transfer(brdf, first_order(brdf), min(_FIRST_Q, _most_q(brdf)))
-    return factorized(light, brdf, transfer, want)
+    """Factorize an isotropic BRDF to the orders with which `planner_of` begins.
+
+    Of a sharp lobe few degrees do where the light has no more, as without its lamps.
+    """
+    assert want.error is not None
+    order, max_q = first_order(brdf), min(_FIRST_Q, _most_q(brdf))
+    if order > 2 * _FEW_DEGREES:
+        planner = factorized(light, brdf, _transfer(brdf, _FEW_DEGREES, max_q), want)
+        if unknown_light(planner)[0] <= _PART_BEYOND * want.error**2:
+            return planner
+    return factorized(light, brdf, _transfer(brdf, order, max_q), want)
 
 
 def factorized(
