@@ -59,6 +59,8 @@ EXACT = 1e-3
 """The part of the largest value for a view that a rule may miss."""
 _FAR = 1e-2
 """The part of a value that fewer steps may miss where a disc is beyond reach of the lobe."""
+_NOTHING = 1e-7
+"""What is so small a part of the largest value for a view does not show."""
 _REACH = 3.0
 """Widths of the peak and radii of the disc together that are within its reach."""
 _BEYOND = 1.0, 1.4, 2.0, 3.0, 5.0
@@ -141,7 +143,7 @@ class DiscRule:
         far = np.concatenate([far, backwards], axis=1)
         truth = values(steps, far)
         # What is seen there may be far less than in the peak.
-        largest = np.maximum(truth, exact * largest_of(truth))
+        largest = np.maximum(truth, _NOTHING * largest)
         few = next((n for n in _SIZES if n < steps and misses(values(n, far)) <= _FAR), steps)
         return cls(width, steps, reach, few) if few < steps else cls(width, steps)
 
