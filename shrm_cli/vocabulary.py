@@ -75,6 +75,8 @@ EXPANDED = "shrm"
 COMPARED = ("shrm", "principal", "splitsum", "she", "cabral")
 """The representations that `shrm compare --representations` compares."""
 
+MESH_SUFFIXES = (".obj", ".ply", ".stl", ".gltf", ".glb")
+"""The suffixes of meshes, in lower case."""
 CONTAINERS: dict[str, str] = {".exr": "exr"}
 """Each suffix of files that hold maps, and the module of `shrm_cli.files` that writes them."""
 
@@ -204,6 +206,11 @@ LAMP_ERROR = 0.001
 """The relative RMS error of the irradiance that discs in place of lamps may make."""
 LAMP_COUNT = 8
 """The most lamps that are taken out of a probe."""
+DIMMED_WIDTHS = 1e-3, 180.0
+"""The least and the most width of light that is dimmed about a direction, degrees: a hundredth of
+the least is lost in the rounding of cosines."""
+MOST_DEGREES = 1e6
+"""The largest angle of what is turned: of much larger ones rounding leaves no digit."""
 LIGHT_ENGINES = ("three", "filament", "bevy", "godot", "blender", "gltf")
 """The programs that `shrm sun` prints lines for."""
 DEFAULT_EPS = 0.03

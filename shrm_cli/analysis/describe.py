@@ -1,6 +1,7 @@
 """`describe`: what a file is, and what is known of it."""
 
 import os
+import shlex
 from collections.abc import Callable
 from functools import cached_property
 from typing import Any
@@ -17,7 +18,8 @@ from shrm_cli.probe.open import open_probe
 from shrm_cli.probe.options import ReadOptions
 from shrm_cli.records import record
 from shrm_cli.rooms.grid import is_grid, read_grid
-from shrm_cli.transfer.file import is_transfer, read_transfer
+from shrm_cli.transfer.file import is_transfer, read_baked_facts, read_transfer
+from shrm_cli.vocabulary import MESH_SUFFIXES
 
 
 @record(eq=False)
@@ -44,7 +46,7 @@ class Description:
 def describe(
     file: str | os.PathLike[str], reading: ReadOptions | None = None, *, stats: bool = True
 ) -> Description:
-    """Tell what a file is: a map or table of shrm, light, a measured BRDF.
+    """Tell what a file is: a map or table of shrm, light, a measured BRDF, a mesh.
 
     Parameters
     ----------
@@ -79,6 +81,30 @@ def describe(
     if is_measured_file(name):
         return Description("is a measured BRDF", _measured(name))
     return _probe(name, reading, stats)
+
+
+def _is_mesh(name: str) -> bool:
+    return os.path.splitext(name)[1].lower() in MESH_SUFFIXES and os.path.isfile(name)
+
+
+def _mesh(name: str) -> dict[str, Any]:
+    from shrm_cli.geometry.load import load_mesh  # what reads meshes is slow to load
+
+    mesh = load_mesh(name)
+    low, high = mesh.bounds.tolist()
+    baked = read_baked_facts(name)
+    return {
+        "kind": "mesh" if baked is None else "mesh with precomputed transfer",
+        "vertices": len(mesh.vertices),
+        "triangles": len(mesh.faces),
+        "low": low,
+        "high": high,
+        "texture_coordinates": mesh.uvs is not None,
+        "vertex_colors": mesh.colors is not None,
+        "materials": [material.name for material in mesh.materials],
+        **({} if baked is None else {"transfer": baked}),
+        "see": f"shrm render MAP --mesh {shlex.quote(name)}",
+    }
 
 
 def _transfer(name: str) -> dict[str, Any]:
@@ -127,5 +153,6 @@ _KINDS: tuple[tuple[Callable[[str], bool], str, Callable[[str], dict[str, Any]]]
     (is_grid, "is a grid of probes", _grid),
     (is_collection, "is a collection of coefficients", _collection),
     (is_table, "is a BRDF table", _table),
+    (_is_mesh, "is a mesh", _mesh),
 )
 """How files are recognized, what they are, and how their facts are read."""

@@ -79,7 +79,7 @@ def in_words(values: dict[str, Any]) -> dict[str, str]:
         "irradiance": fact_text(values["irradiance"])
         + "\nradiance x sr, by the axis of the normal",
         "white_balance": "; ".join(balance),
-        "light_from": f"azimuth {azimuth:.1f}, elevation {elevation:.1f} degrees, directionality "
+        "light_from": f"azimuth {azimuth:z.1f}, elevation {elevation:z.1f} degrees, directionality "
         f"{values['light_from']['directionality']:.2f} (0 from everywhere, 1 from one point)",
         "lamps": "\n".join(map(_lamp_line, values["lamps"])) or "none",
         "advice": values["advice"] or "none",
@@ -99,7 +99,7 @@ def _lamp_line(lamp: dict[str, Any]) -> str:
     if lamp["is_elongated"]:
         size = f"{lamp['length']:.3g} x {lamp['width']:.3g}"
     return (
-        f"azimuth {lamp['azimuth']:.1f}, elevation {lamp['elevation']:.1f}, {size} degrees, "
+        f"azimuth {lamp['azimuth']:z.1f}, elevation {lamp['elevation']:z.1f}, {size} degrees, "
         f"{lamp['share']:.1%} of the light, irradiance {irradiance}"
     )
 

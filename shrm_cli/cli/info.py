@@ -20,7 +20,7 @@ from shrm_cli.progress import Rising, using
 @options.probe_options
 @options.report_options
 def info(file: str, stats: bool, **reading: Any) -> None:
-    """Print what FILE is: a map, table or collection of shrm, light, or a measured BRDF.
+    """Print what FILE is: a map, table or collection of shrm, light, a measured BRDF, or a mesh.
 
     Of a probe it reads the pixels. Stops lie between the luminances that 1 % and 99.9 % of the
     sphere are below; irradiance is that of normals along the axes, +Y that of the ground; the

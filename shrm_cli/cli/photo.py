@@ -241,7 +241,7 @@ def unclip(
         "solid_angle": made.solid_angle,
     }  # fmt: skip
     lines = [
-        f"  lamp           at {azimuth:.1f}, {elevation:.1f}, {made.solid_angle:.3g} sr: "
+        f"  lamp           at {azimuth:z.1f}, {elevation:z.1f}, {made.solid_angle:.3g} sr: "
         f"times {times}"
     ]
     recipe = {"probe": "unclip", "source": Path(source).name, "factors": made.factors.tolist()}

@@ -111,6 +111,7 @@ def render(
     from shrm_cli.files.animation import is_animated
     from shrm_cli.files.image import file_type
     from shrm_cli.render.drawing import Film
+    from shrm_cli.render.moving import told_of_rest
     from shrm_cli.rooms.grid import as_grid
 
     if not (maps or transfer):
@@ -148,6 +149,7 @@ def render(
         else:
             written, lines = _write_pictures(film, images, targets, precision, settings)
     told += [line for each in probes.values() for line in each.warnings()]
+    told += [f"{pattern}: {line}" for line in told_of_rest(shown)]
     lines += _of_surfaces(mesh, drawing, lit.maps, values)
     lines += options.told_of_exposure(exposure, film.exposure)
     conclude({"files": written, **settings}, lines, drawing.warnings + doubts + told)

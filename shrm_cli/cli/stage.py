@@ -195,6 +195,7 @@ def open_baked(
     `light` is that of maps that hold none.
     """
     from shrm_cli.maps.info import probe_name
+    from shrm_cli.prefilter import prefilter_with_facts
     from shrm_cli.render.lit import lit_maps
     from shrm_cli.rooms.lit import InGrid
     from shrm_cli.transfer.file import read_transfer
@@ -219,8 +220,9 @@ def open_baked(
         elif split.discs:
             discs, probe = split.discs, split.residual_probe
     if not maps and probe is not None:
-        lit = [shrm.prefilter(probe, to="irradiance", order_f=baked.order)]
-        return Baked(baked, lit, [named], discs, warnings)
+        # What is to be said of the probe's pixels the command says: without lamps it may be black.
+        made = prefilter_with_facts(probe, "irradiance", {"order_f": baked.order})
+        return Baked(baked, [made.map], [named], discs, [*warnings, *made.warnings])
     refuse_window(maps)
     lit, negative = lit_maps(maps, names, probe, window)
     for each, name in zip(lit, names, strict=True):

@@ -175,7 +175,7 @@ def _lamp_lines(number: int, lamp: Lamp) -> list[str]:
         shape += f" (of a pixel: {facts['pixel']:.3g})"
     direction = ", ".join(f"{each:.5f}" for each in facts["direction"])
     return [
-        f"  lamp {number}  azimuth {facts['azimuth']:.2f}, elevation {facts['elevation']:.2f} "
+        f"  lamp {number}  azimuth {facts['azimuth']:z.2f}, elevation {facts['elevation']:z.2f} "
         f"({direction}), {shape}",
         f"          irradiance {irradiance}  radiance {radiance}  fits to {lamp.error:.2%}",
     ]

@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 import shrm_cli as shrm
+from shrm_cli import vocabulary
 from shrm_cli.maps.options import Option, parse_bytes
-from shrm_cli.vocabulary import MAX_LEVELS, MAX_PICTURE_SIZE, MAX_STOPS, PRIMARIES
+from shrm_cli.vocabulary import MAX_LEVELS, MAX_PICTURE_SIZE, MAX_STOPS, MOST_DEGREES, PRIMARIES
 
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
@@ -101,6 +102,8 @@ def _direction(lowest: int) -> Parsed:
         if len(numbers) != 2:
             raise ValueError(f"{text!r} is not two numbers AZ,EL such as 30,45")
         azimuth, elevation = numbers
+        if abs(azimuth) > MOST_DEGREES:
+            raise ValueError(f"azimuth {azimuth:g} of {text!r} is beyond {MOST_DEGREES:g} degrees")
         if not lowest <= elevation <= 90:
             raise ValueError(
                 f"elevation {elevation:g} of {text!r} is outside {lowest} .. 90; give AZ,EL"
@@ -187,6 +190,8 @@ def TURN(text: str) -> tuple[tuple[float, ...], float]:
         raise ValueError(f"{text!r} is not AXIS:DEGREES such as y:90 or 1/1/0:360")
     if not any(along):
         raise ValueError("0/0/0 is no axis")
+    if abs(degrees[0]) > MOST_DEGREES:
+        raise ValueError(f"{text!r} turns by more than {MOST_DEGREES:g} degrees")
     return along, degrees[0]
 
 
@@ -211,8 +216,9 @@ def DIMMING(text: str) -> tuple[tuple[float, float], float, float]:
     if not 2 <= len(parts) <= 3 or any(len(each) != 1 for each in numbers):
         raise ValueError(f"{text!r} is not AZ,EL:X or AZ,EL:X:W such as 40,30:0.2:20")
     (factor,), (width,) = numbers[0], numbers[-1] if len(numbers) > 1 else (30.0,)
-    if factor < 0 or not 5 <= width <= 180:
-        raise ValueError(f"{text!r} has a factor below 0, or a width outside 5 .. 180 degrees")
+    low, high = vocabulary.DIMMED_WIDTHS
+    if factor < 0 or not low <= width <= high:
+        raise ValueError(f"{text!r} has a factor below 0, or a width outside {low:g} .. {high:g}")
     return DIRECTION.parse(parts[0]), factor, width
 
 

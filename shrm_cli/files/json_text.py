@@ -93,6 +93,8 @@ def read_toml(
     try:
         with open(name, "rb") as stream:
             text = stream.read(most_bytes + 1)
+    except FileNotFoundError:
+        raise error(f"{name}: no such file; check its name") from None
     except OSError as problem:
         raise error(f"{name}: cannot be opened ({problem.strerror}); check its name") from None
     if len(text) > most_bytes:

@@ -29,6 +29,7 @@ from shrm_cli.geometry.gltf import read_gltf
 from shrm_cli.geometry.mesh import MOST_FACES, Mesh, SurfaceMaterial, joined, make_mesh, too_many
 from shrm_cli.geometry.mtl import PAINTED, read_materials
 from shrm_cli.geometry.obj import read_obj
+from shrm_cli.vocabulary import MESH_SUFFIXES
 
 _MOST_TEXT = 2**27
 _MOST_ROWS = 2**22
@@ -117,8 +118,6 @@ def _check_text(name: str, data: bytes) -> None:
 
 Parts = list[SurfaceMaterial | None]
 
-SUFFIXES = (".obj", ".ply", ".stl", ".gltf", ".glb")
-"""The suffixes of meshes, in lower case."""
 _CHECKS: Mapping[str, Callable[[str, bytes], None]] = {".ply": check_ply, ".stl": check_stl}
 """What looks at files of a suffix before trimesh reads them."""
 
@@ -173,9 +172,11 @@ def _bytes(path: Path) -> bytes:
 def _kind(name: str, data: bytes) -> str:
     """Return the suffix of the format, which the content must agree with."""
     suffix = Path(name).suffix.lower()
-    if suffix not in SUFFIXES:
-        known = ", ".join(SUFFIXES[:-1])
-        raise MeshError(f"{name}: the name of a mesh ends in {known} or {SUFFIXES[-1]}; export one")
+    if suffix not in MESH_SUFFIXES:
+        known = ", ".join(MESH_SUFFIXES[:-1])
+        raise MeshError(
+            f"{name}: the name of a mesh ends in {known} or {MESH_SUFFIXES[-1]}; export one"
+        )
     if not data.strip():
         raise MeshError(f"{name}: it is empty; export it again")
     starts = {b"ply": ".ply", b"glTF": ".glb", b"{": ".gltf", b"PK\x03\x04": "zip"}

@@ -33,12 +33,10 @@ from shrm_cli.sphere.directions import (
 from shrm_cli.sphere.harmonics import order_of, real_harmonics
 from shrm_cli.sphere.quadrature import gauss_legendre
 from shrm_cli.sphere.rotation import transform_coefficients
+from shrm_cli.vocabulary import DIMMED_WIDTHS
 
 Tables = dict[str, list[dict[str, Any]]]
 """The tables of a light file by their kinds."""
-_WIDTHS = 1e-3, 180.0
-"""The least and the most width of dimmed light, degrees: a hundredth of the least is lost in the
-rounding of cosines."""
 
 
 @record(eq=False)
@@ -73,7 +71,7 @@ class Dimming:
 
     def __post_init__(self) -> None:
         check_fields(self)
-        low, high = _WIDTHS
+        low, high = DIMMED_WIDTHS
         if not low <= self.width <= high:
             raise ArgumentError("width", f"is {self.width:g}; give {low:g} .. {high:g} degrees")
 

@@ -236,4 +236,5 @@ def _toml(value: Any) -> str:
         return "[" + ", ".join(map(_toml, value)) + "]"
     if isinstance(value, Mapping):
         raise TypeError("tables of light files hold no tables")
-    return repr(value)
+    # As people write numbers: .3 times .3 is .09, without what rounding adds in the last digit.
+    return repr(float(f"{value:.15g}") if isinstance(value, float) else value)

@@ -37,7 +37,7 @@ from shrm_cli.probe.reader import check_file
 from shrm_cli.probe.series import Series, as_radiance, holds_series, read_series, sum_of
 from shrm_cli.sphere.directions import from_azimuth_elevation
 from shrm_cli.sphere.rotation import transform_coefficients
-from shrm_cli.vocabulary import FACES
+from shrm_cli.vocabulary import FACES, MOST_DEGREES
 
 if TYPE_CHECKING:
     from shrm_cli.probe.proxy import ProxyBox
@@ -115,6 +115,8 @@ def _parsed(name: str) -> tuple[dict[str, list[dict[str, Any]]], Any, bytes]:
     """The tables, the primaries and the bytes of a light file."""
     too_large = f"larger than {_MOST_BYTES:,} bytes; put many lights into an image"
     found, text = read_toml(name, "a light file", _MOST_BYTES, too_large, ProbeError)
+    if "objects" in found:
+        raise ProbeError(f"{name}: a scene, and no light; shrm render MAP --mesh draws it")
     _check_keys(name, found, {*_KINDS, "working"})
     tables = {kind: _tables(name, kind, found.get(kind, [])) for kind in _KINDS}
     return tables, found.get("working"), text
@@ -242,7 +244,7 @@ def _disc(what: str, table: dict[str, Any], colors: tuple[float, ...] | None) ->
             raise ProbeError(f"{what}: 'direction' has the elevation; leave 'elevation' out")
         direction = _direction(what, table["direction"])
     else:
-        azimuth = _number(what, "azimuth", table["azimuth"], -1e6, 1e6)
+        azimuth = _number(what, "azimuth", table["azimuth"], -MOST_DEGREES, MOST_DEGREES)
         elevation = _number(what, "elevation", table.get("elevation"), -90, 90)
         direction = from_azimuth_elevation(azimuth, elevation)
     if _only(what, table, "radius", "solid_angle") == "radius":

@@ -106,6 +106,9 @@ class ReadOptions:
             angle = getattr(self, name)
             if not _is_finite(angle):
                 raise ProbeError(f"`{name}` must be a finite number of degrees, not {angle!r:.60}")
+            if abs(angle) > vocabulary.MOST_DEGREES:
+                most = vocabulary.MOST_DEGREES
+                raise ProbeError(f"`{name}` of {angle:g} degrees is beyond {most:g}; give less")
         for name in ("primaries", "working"):
             chromaticities_of(name, getattr(self, name))
         if not isinstance(self.pixels, PixelPolicy):

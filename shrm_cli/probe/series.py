@@ -9,8 +9,8 @@ A file holds one light of (order + 1)^2 coefficients, RGB or grey:
     An array of shape (n, 3) or (n,). PIFu's ``env_sh.npy`` holds many lights, (lights, 9, 3), of
     which `part` chooses one by its number from 0.
 ``.json``
-    A `LightProbe` of three.js, as its ``toJSON`` writes it, coefficients by the name "radiance", as
-    `shrm export --for json` writes them, or a list.
+    A `LightProbe` of three.js, or a scene that holds some, as their ``toJSON`` writes them,
+    coefficients by the name "radiance", as `shrm export --for json` writes them, or a list.
 ``.exr``
     An irradiance map of ours, which holds the light to its order.
 
@@ -93,18 +93,19 @@ def read_series(
     if path.stat().st_size > _MOST_BYTES:
         raise ProbeError(f"{name}: more than {_MOST_BYTES:,} bytes are no coefficients of a light")
     content = path.read_bytes()
+    notes: tuple[str, ...] = ()
     try:
         if suffix == ".npy":
             values = _chosen(read_npy(content), part)
         elif part is not None:
             raise ValueError("it holds one light; leave `part` out")
         elif suffix == ".json":
-            values = _of_json(parse_json(content.decode()))
+            values, notes = _of_json(parse_json(content.decode()))
         else:
             text = content.decode()
             basis = basis or ("filament" if _FILAMENT in text else None)
             values = _of_text(text)
-        return Series(as_radiance(values, basis or "real", of))
+        return Series(as_radiance(values, basis or "real", of), notes=notes)
     except UnicodeDecodeError:
         raise ProbeError(
             f"{name}: no text, so that it holds no coefficients; give an image the suffix of its "
@@ -231,20 +232,38 @@ def _of_text(text: str) -> Array:
     return np.array(numbers)
 
 
-def _of_json(tree: Any) -> Array:
-    """Coefficients of a list, of ours by their name, or of a LightProbe of three.js."""
+def _of_json(tree: Any) -> tuple[Array, tuple[str, ...]]:
+    """Coefficients of a list, of ours by their name, or of LightProbes of three.js; and notes."""
     if isinstance(tree, list):
-        return _numbers(tree)
+        return _numbers(tree), ()
     if not isinstance(tree, Mapping):
         raise ValueError("no list of coefficients")
     if "radiance" in tree:
-        return _numbers(tree["radiance"])
-    found = tree.get("object", tree)
-    if not isinstance(found, Mapping) or "sh" not in found:
+        return _numbers(tree["radiance"]), ()
+    found = _visible(tree.get("object", tree))
+    probes = [each for each in found if "sh" in each]
+    if not probes:
         raise ValueError('neither "radiance" nor the "sh" of a LightProbe is in it')
-    if len(found["sh"]) != 27:
-        raise ValueError(f"the sh of a LightProbe has 27 numbers, not {len(found['sh'])}")
-    return _numbers(found["sh"]).reshape(9, 3) * float(found.get("intensity", 1.0))
+    total = np.zeros((9, 3))
+    for each in probes:  # three.js adds them up, and turns none
+        if len(each["sh"]) != 27:
+            raise ValueError(f"the sh of a LightProbe has 27 numbers, not {len(each['sh'])}")
+        total += _rows(_numbers(each["sh"])) * float(each.get("intensity", 1.0))
+    kinds = {str(each.get("type")) for each in found}
+    others = ", ".join(sorted(kind[:40] for kind in kinds if kind.endswith("Light")))
+    return total, ((f"its LightProbes alone are its light, without {others}",) if others else ())
+
+
+def _visible(found: Any) -> list[Mapping[str, Any]]:
+    """Return an object of three.js, and all that is below it, without what it does not show."""
+    seen, waiting = [], [found]
+    while waiting:
+        each = waiting.pop()
+        if isinstance(each, Mapping) and each.get("visible", True):
+            seen.append(each)
+            children = each.get("children", [])
+            waiting += children if isinstance(children, list) else []
+    return seen
 
 
 def _irradiance_part(name: str) -> Any:

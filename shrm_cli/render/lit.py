@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -172,9 +173,24 @@ def lit_maps(
             )
         # Its metals are in the primaries that the light of its making had, of Rec.709 without any.
         lit = lit.with_info(replace(lit.info, chromaticities=light.probe.chromaticities))
-        warnings += [f"{name}: {line}" for line in negative_warnings(lit, negative_share(lit))]
+        share, where = _darkest(lit)
+        warnings += [f"{name}: {where}{line}" for line in negative_warnings(lit, share)]
         found.append(lit)
     return found, warnings
+
+
+def _darkest(lit: Any) -> tuple[float, str]:
+    """Return the largest negative share over the ends of what varies, and where that is, in words.
+
+    Surfaces are sharpest at an end, where light of few orders shows most of what is negative.
+    """
+    shares = {"": negative_share(lit)}
+    for ends in product(*lit.ways.values()) if lit.varies else ():
+        values = dict(zip(lit.ways, ends, strict=True))
+        said = " and ".join(f"{key}={value:g}" for key, value in values.items())
+        shares[f"with {said}, "] = negative_share(lit.with_values(values))
+    where = max(shares, key=lambda each: shares[each])
+    return shares[where], where
 
 
 # ---- brought to the same primaries ---------------------------------------------------------------

@@ -29,6 +29,7 @@ from shrm_cli.render.stage import Reflector
 from shrm_cli.render.vertex_colors import VertexColors
 from shrm_cli.rooms.lit import STAYS, InGrid
 from shrm_cli.sphere.directions import horizontal_tangents, turn_about, turn_matrix
+from shrm_cli.vocabulary import MOST_DEGREES
 
 Drawn = TypeVar("Drawn")
 _ROUNDING = 1e-6
@@ -210,6 +211,20 @@ def with_ways(frames: Sequence[Moment], ways: Mapping[str, tuple[float, float]])
     ]
 
 
+def told_of_rest(frames: Sequence[Moment]) -> list[str]:
+    """Return a line that says so where several frames are alike."""
+    first, *others = frames
+
+    def is_like(each: Moment) -> bool:
+        turn, other = (np.eye(3) if k.turn is None else k.turn for k in (first, each))
+        same = (first.viewer, first.share, first.values) == (each.viewer, each.share, each.values)
+        return same and np.allclose(turn, other, rtol=0, atol=1e-9)
+
+    if not others or not all(map(is_like, others)):
+        return []
+    return [f"nothing moves: its {len(frames):,} frames are alike"]
+
+
 def check_values(frames: Iterable[Moment], maps: Sequence[Map]) -> None:
     """Check that values are those of parameters that vary in maps."""
     ways = [way for each in maps for way in each.ways.items()]
@@ -281,7 +296,6 @@ def turntable(first: Viewer, count: int) -> list[Viewer]:
 # last of them.
 
 MOST_FRAMES = 9999
-_LARGEST = 1e6
 _KEYS = "frame", "turn", "blend", "view", "vary"
 
 
@@ -357,7 +371,7 @@ def _key(given: Mapping[str, Any], before: int) -> Key:
     if not is_whole or not before < frame <= MOST_FRAMES:  # type: ignore[operator]
         raise ValueError(f"frame must be a whole number within {before + 1} .. {MOST_FRAMES}")
     turn, view, blend = given.get("turn"), given.get("view"), given.get("blend")
-    turn = [turn, 0, 0] if is_number(turn, _LARGEST) else turn
+    turn = [turn, 0, 0] if is_number(turn, MOST_DEGREES) else turn
     if blend is not None and not (is_number(blend, 1.0) and blend >= 0):
         raise ValueError("blend must be a number within 0 .. 1")
     vary = given.get("vary", {})
@@ -376,6 +390,6 @@ def _numbers(key: str, value: Any, count: int) -> tuple[float, ...] | None:
     if not isinstance(value, list) or len(value) != count:
         said = "a number or three, [yaw, pitch, roll]" if key == "turn" else "[azimuth, elevation]"
         raise ValueError(f"{key} must be {said}, degrees")
-    if not all(is_number(each, _LARGEST) for each in value):
-        raise ValueError(f"{key} must have finite numbers up to {_LARGEST:g}")
+    if not all(is_number(each, MOST_DEGREES) for each in value):
+        raise ValueError(f"{key} must have finite numbers up to {MOST_DEGREES:g}")
     return tuple(float(each) for each in value)

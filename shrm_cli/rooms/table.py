@@ -13,7 +13,7 @@ import numpy as np
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MeshError, ShrmWarning
 from shrm_cli.files.json_text import read_toml
-from shrm_cli.files.whole import note
+from shrm_cli.files.whole import check_regular, note
 from shrm_cli.probe.image_file import is_stage
 from shrm_cli.probe.light_file import stays_below
 from shrm_cli.probe.lighting import project
@@ -117,7 +117,7 @@ _Row = tuple[str, Sequence[Any], Any]
 
 def _csv_rows(path: Path) -> list[_Row]:
     try:
-        if path.stat().st_size > _MOST_BYTES:
+        if check_regular(path, MeshError, "a table", "check its name").st_size > _MOST_BYTES:
             raise MeshError(f"{path}: {_TOO_LARGE}")
         with open(path, newline="", encoding="utf-8-sig") as stream:
             table = csv.DictReader(stream, skipinitialspace=True)

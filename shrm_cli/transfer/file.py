@@ -31,6 +31,7 @@ PIFu (.txt)
 
 import json
 import os
+import re
 import struct
 from collections.abc import Callable
 from pathlib import Path
@@ -57,6 +58,11 @@ _ROUNDING = 1e-3
 _AT_ONCE = 2**22
 """Numbers that are checked at a time."""
 _AGAIN = "make it again with shrm transfer"
+_COMMENT = "comment shrm transfer, order {}, bounces {}"
+_PLY_COMMENT = re.compile(_COMMENT.format(r"(\d{1,3})", r"(\d{1,3})").encode())
+"""What a PLY says of its transfer."""
+_MOST_HEADER = 2**16
+"""Bytes within which meshes say what their transfer is: their headers are a tenth of it at most."""
 
 
 def write_transfer(
@@ -99,6 +105,20 @@ def read_transfer(path: str | os.PathLike[str]) -> Transfer:
             raise ValueError("not a transfer")
         _check(arrays)
         return Transfer(facts=facts, texels=texels, **arrays)
+
+
+def read_baked_facts(path: str | os.PathLike[str]) -> dict[str, Any] | None:
+    """Return what .glb and .ply that `WRITERS` wrote say of their transfer; None of other files."""
+    with open(path, "rb") as stream:
+        start = stream.read(_MOST_HEADER)
+    if found := _PLY_COMMENT.search(start.partition(b"end_header")[0]):
+        return {"order": int(found[1]), "bounces": int(found[2])}
+    try:
+        (length,) = struct.unpack_from("<I", start, 12)
+        (mesh,) = parse_json(start[20 : 20 + length].decode())["meshes"]
+        return dict(mesh["extras"]["shrm:transfer"])
+    except (struct.error, ValueError, TypeError, KeyError):
+        return None
 
 
 def _texels(archive: npz.Archive) -> Texels:
@@ -245,7 +265,7 @@ def write_ply(path: str | os.PathLike[str], mesh: Mesh, transfer: Transfer) -> N
     header = [
         "ply",
         "format binary_little_endian 1.0",
-        f"comment shrm transfer, order {transfer.order}, bounces {transfer.facts.bounces}",
+        _COMMENT.format(transfer.order, transfer.facts.bounces),
         f"element vertex {count}",
         *(f"property float {name}" for name in names),
         "property int file_vertex",

@@ -494,3 +494,9 @@ def test_files_that_are_no_images_are_told_by_their_type(tmp_path):
         (tmp_path / name).write_text("<html>")
         said = f"{name}: {Path(name).suffix} is no type of image that is read; give .exr, .hdr"
         assert_refused(run("info", tmp_path / name), 1, said)
+
+
+def test_what_rounds_to_0_has_no_sign(folder):
+    """Light from straight ahead came from an azimuth of -0.0."""
+    (folder / "a.toml").write_text("[[sh]]\ncoefficients = [1, 0, 0.5, -1e-9]\n")
+    assert "azimuth 0.0, elevation 0.0 degrees" in done("info", "a.toml")

@@ -85,6 +85,14 @@ def test_images_and_coefficients_are_scaled_in_a_light_file(folder, name):
     assert name in (folder / "c.toml").read_text()
 
 
+def test_numbers_are_written_without_what_rounding_adds(folder):
+    """0.3 times 0.3 is 0.09 in a file that people read, not 0.09000000000000000..."""
+    (folder / "disc.toml").write_text("[[disc]]\nazimuth = 1\nelevation = 3\nradius = 9\n"
+                                      "radiance = 0.3\n")  # fmt: skip
+    done("light", "edit", "disc.toml", "--scale", "0.3", "-o", "c.toml")
+    assert "radiance = [0.09, 0.09, 0.09]" in (folder / "c.toml").read_text()
+
+
 def test_a_light_file_stays_one(folder):
     done("light", "edit", "a.toml", "--rotate", "y:90", "--add", "b.toml", "--add", "a.npy",
          "--add", "room.exr", "-o", "c.toml")  # fmt: skip
@@ -102,7 +110,9 @@ def test_a_light_file_stays_one(folder):
         (["a.npy", "--set", "1,2=3", "-o", "b.txt"], "1,2: a degree L has orders M from -L to L"),
         (["a.npy", "--set", "3,0=1", "-o", "b.txt"], "no coefficient 3,0; raise --order"),
         (["a.npy", "--dim", "3,4", "-o", "b.txt"], "is not AZ,EL:X or AZ,EL:X:W"),
-        (["a.npy", "--dim", "3,4:0.1:1", "-o", "b.txt"], "a width outside 5 .. 180 degrees"),
+        (["a.npy", "--dim", "3,4:0.1:0", "-o", "b.txt"], "a width outside 0.001 .. 180"),
+        (["a.npy", "--rotate", "y:1e9", "-o", "b.txt"], "'y:1e9' turns by more than 1e+06 degrees"),
+        (["a.npy", "--dim", "1e9,4:0.1", "-o", "b.txt"], "azimuth 1e+09 of '1e9,4' is beyond"),
         (["a.npy", "--scale", "-1", "-o", "b.txt"], "below 0"),
         (["a.toml", "--dim", "3,4:0.1", "-o", "b.toml"], "is not dimmed in a light file"),
         (["a.toml", "--order", "3", "-o", "b.toml"], "--order applies to coefficients"),

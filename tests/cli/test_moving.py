@@ -267,3 +267,20 @@ def test_maps_of_which_nothing_varies_are_told_what_makes_some(folder):
     """It was said that there is none."""
     result = run("render", "a.exr", "--vary", "ay=0.2", "-o", "x.png")
     assert_refused(result, 1, "no map has a parameter 'ay' that varies; shrm product --vary makes")
+
+
+def test_frames_in_which_nothing_moves_are_told(folder):
+    """A scene of one keyframe is a still film; one of two keys that differ is none."""
+    (folder / "s.toml").write_text('[[objects]]\nmesh = "roof.obj"\n[[key]]\nframe = 2\nturn = 9\n')
+    options = ["sky.irradiance.exr", "--size", "32", "-o", "f%02d.png"]
+    rest = run("render", *options, "--mesh", "s.toml")
+    assert "f%02d.png: nothing moves: its 2 frames are alike" in rest.err
+    whole = run("render", *options, "--turn-light", "y:720", "--frames", "2")
+    assert "its 2 frames are alike" in whole.err
+    moves = run("render", *options, "--turn-light", "y:90", "--frames", "2")
+    with open(folder / "s.toml", "a") as scene:
+        scene.write("[[key]]\nframe = 3\nturn = 30\n")
+    keys = run("render", *options, "--mesh", "s.toml")
+    walk = run("render", *options, "--frames", "2")
+    assert (moves.code, keys.code, walk.code) == (0, 0, 0)
+    assert "alike" not in moves.err + keys.err + walk.err

@@ -100,6 +100,18 @@ def test_no_light_in_a_picture_is_negative(tmp_path, monkeypatch, subject):
         np.testing.assert_allclose(planes["R"], expected[..., 0], atol=1e-4 * expected.max())
 
 
+def test_what_is_black_at_an_end_of_what_varies_is_told(tmp_path):
+    """The middle is soft enough to show nothing negative; 4.5 % were black without a word."""
+    image = np.full((16, 32, 3), 0.05, np.float32)
+    image[4, 9] = 600, 500, 40
+    lamp, texture = write_exr(tmp_path / "lamp.exr", image), tmp_path / "worn.exr"
+    done("product", "ward:ay=0.1", "--vary", "ax=0.1..0.9", "--size", "8", "-o", texture)
+    said = run("render", texture, "--probe", lamp, "--size", "16", "-o", tmp_path / "x.exr")
+    assert said.code == 0
+    assert "worn.exr: with ax=0.1, " in said.err
+    assert "of what is visible is black" in said.err
+
+
 def test_the_truth_of_a_texture(tmp_path, texture, probe):
     """Light of order 2 is all that this probe has, so that the texture shows the truth."""
     image = np.zeros((16, 32, 3), np.float32)

@@ -307,3 +307,30 @@ def test_the_albedo_that_was_baked_is_told(folder):
     assert "  albedo        0.5, 0.25, 0.1\n" in done("info", "q.transfer.npz")
     assert json.loads(done(*few, "--albedo", "0.3", "-o", "b.npz", "--json"))["albedo"] == [0.3]
     assert "albedo" not in done(*few, "--order", "2", "-o", "bounce0.txt")
+
+
+def test_a_lamp_alone_is_no_black_probe(folder):
+    """What is left of a light without its lamps may be black, which is not the light's fault."""
+    (folder / "sun.toml").write_text(
+        "[[disc]]\nazimuth = 20\nelevation = 60\nradius = 0.3\nradiance = 9e4\n"
+    )
+    done("transfer", "bumps.obj", "--samples", "16", "-o", "t.npz")
+    options = ("--mesh", "bumps.obj", "--transfer", "t.npz", "--size", "32", "-o", "lit.png")
+    said = run("render", "--probe", "sun.toml", *options)
+    assert (said.code, said.err) == (0, "")
+    (folder / "black.toml").write_text("[[sh]]\ncoefficients = [0]\n")
+    assert "the probe is black" in run("render", "--probe", "black.toml", *options).err
+
+
+@pytest.mark.parametrize("suffix", ["glb", "ply"])
+def test_info_tells_what_is_baked_into_a_mesh(folder, suffix):
+    done("transfer", "bumps.obj", "--samples", "16", "--order", "3", "-o", f"a b.{suffix}")
+    baked = json.loads(done("info", f"a b.{suffix}", "--json"))
+    plain = json.loads(done("info", "bumps.obj", "--json"))
+    assert (baked["kind"], plain["kind"]) == ("mesh with precomputed transfer", "mesh")
+    assert (baked["transfer"]["order"], baked["transfer"]["bounces"]) == (3, 0)
+    assert "transfer" not in plain
+    assert baked["triangles"] == plain["triangles"]
+    np.testing.assert_allclose(baked["high"], plain["high"])
+    assert baked["see"] == f"shrm render MAP --mesh 'a b.{suffix}'"
+    assert_refused(run("info", "bumps.obj", "--yaw", "5"), 2, "to probes; FILE is a mesh")

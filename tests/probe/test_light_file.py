@@ -231,6 +231,7 @@ WRONG = {
     "deep": ("a = " + "[" * 50_000, "nested too deeply|no TOML"),
     "huge": ("#" * 2**21, "larger than 1,048,576 bytes"),
     "many discs": ("[[disc]]\n" * 1001, "1,001 lights; give 1 to 1000"),
+    "a scene": ("[[objects]]\n[[key]]\n", "a scene, and no light; shrm render MAP --mesh"),
     "unknown": ("[[lamp]]\n", "unknown key 'lamp'; give disc, probe"),
     "a table": ("[disc]\n", r"'disc' must be tables; write \[\[disc\]\]"),
     "numbers": ("probe = [1, 2]\n", "'probe' must be tables"),

@@ -22,7 +22,10 @@ WRONG = {
     "up": [("x", "`up` 'x' .* y, z"), (None, "`up` None")],
     "yaw": [(math.nan, "`yaw` must be a finite number of degrees, not nan"), ("30", "'30'")],
     "pitch": [(math.inf, "`pitch` must be a finite number of degrees, not inf")],
-    "roll": [(True, "`roll` must be a finite number of degrees, not True")],
+    "roll": [
+        (True, "`roll` must be a finite number of degrees, not True"),
+        (1e9, r"`roll` of 1e\+09 degrees is beyond 1e\+06; give less"),
+    ],
     "mirror": [(1, "`mirror` must be True or False, not 1")],
     "clamp": [(0, "`clamp` must be a positive number, not 0"), (math.inf, "inf"), ("a", "'a'")],
     "fix_nonfinite": [("yes", "`fix_nonfinite` must be True or False, not 'yes'")],

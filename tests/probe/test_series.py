@@ -117,6 +117,26 @@ def test_files_of_programs(tmp_path):
         np.testing.assert_allclose(found, scale * LIGHT, rtol=1e-15, err_msg=name)
 
 
+def test_probes_of_a_scene_are_added_as_three_does(tmp_path):
+    """Below whatever object; those that are not visible do not count, and other lights are told."""
+
+    def probe(intensity, **more):
+        return {"type": "LightProbe", "sh": LIGHT.ravel().tolist(), "intensity": intensity, **more}
+
+    hidden = {"type": "Group", "visible": False, "children": [probe(8)]}
+    group = {"type": "Group", "children": [probe(0.5), probe(4, visible=False), hidden]}
+    sun = {"type": "DirectionalLight", "intensity": 3}
+    scene = {"type": "Scene", "children": [{"type": "Mesh"}, group, probe(1)]}
+    (tmp_path / "a.json").write_text(json.dumps({"metadata": {}, "object": scene}))
+    light = open_probe(tmp_path / "a.json")
+    np.testing.assert_allclose(project(light, 2).coefficients, 1.5 * LIGHT, rtol=1e-15)
+    assert not light.report.notes
+    scene["children"].append(sun)
+    (tmp_path / "b.json").write_text(json.dumps({"metadata": {}, "object": scene}))
+    (said,) = open_probe(tmp_path / "b.json").report.notes
+    assert said == "its LightProbes alone are its light, without DirectionalLight"
+
+
 def through(folder, **keys):
     """The coefficients that a light file with one table [[sh]] makes."""
     lines = [f"{key} = {json.dumps(value)}" for key, value in keys.items()]

@@ -8,7 +8,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from shrm_cli.errors import MeshError, ShrmWarning
+from shrm_cli.errors import MeshError, ShrmError, ShrmWarning
 from shrm_cli.export.ktx import can_compress
 from shrm_cli.rooms import export
 from shrm_cli.rooms.grid import (
@@ -388,6 +388,12 @@ def test_tables_in_toml_are_checked(tmp_path, text, part):
     (tmp_path / "t.toml").write_text(text)
     with pytest.raises(MeshError, match=part):
         read_positions(tmp_path / "t.toml", 2)
+
+
+@pytest.mark.parametrize("name", ["none.csv", "none.toml", "none.usda"])
+def test_tables_that_are_not_there_are_no_such_files(tmp_path, name):
+    with pytest.raises(ShrmError, match=f"{name}: no such file; check its name"):
+        read_positions(tmp_path / name, 2)
 
 
 @pytest.mark.parametrize(
