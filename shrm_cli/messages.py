@@ -193,6 +193,12 @@ def several(given: Any, needed: str = "") -> list[Any]:
     return found
 
 
+def first_of(names: Sequence[str], most: int) -> str:
+    """The first of some names, and how many more there are: ``a, b and 3 more``."""
+    more = len(names) - most
+    return ", ".join(names[:most]) + (f" and {more:,} more" if more > 0 else "")
+
+
 def check_names(names: Sized, maps: Sized) -> None:
     """Raise an `ArgumentError` unless there are as many names as maps."""
     if len(names) != len(maps):

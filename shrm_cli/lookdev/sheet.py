@@ -47,7 +47,7 @@ from shrm_cli.render.camera import Viewer, background_rows
 from shrm_cli.render.image import expose, weighted_quantiles
 from shrm_cli.render.sheet import Grid, draw_grid
 from shrm_cli.render.sphere import render_background, render_sphere
-from shrm_cli.sphere.cube import cube_directions, cube_solid_angles
+from shrm_cli.sphere.cube import cube_directions, texel_solid_angles
 from shrm_cli.vocabulary import AUTO, LARGEST_HALF, LUMINANCE, MAX_PICTURE_SIZE
 
 SHOWN = 0.8
@@ -134,7 +134,7 @@ def metered(probe: Probe) -> float:
     radiance = ball.radiance(normals, normals)  # of a white surface: its irradiance over pi
     matrix = to_rec709(probe.chromaticities)
     seen = radiance if matrix is None else radiance @ matrix.T
-    areas = np.tile(cube_solid_angles(_TEXELS, "center"), (6, 1))
+    areas = texel_solid_angles(_TEXELS)
     (level,) = weighted_quantiles(seen @ LUMINANCE, areas, [1 - BRIGHTEST])
     if not level > 0:
         return 0.0
