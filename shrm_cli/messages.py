@@ -97,6 +97,11 @@ def shown(text: str) -> str:
     return _URL.sub(_shown, text) if ":/" in text else text
 
 
+def without_name(reason: str, name: str) -> str:
+    """Return what a message says of a file behind its name, which the caller prints itself."""
+    return reason.removeprefix(f"{name}: ").removeprefix(f"{shown(name)}: ")
+
+
 def shown_reason(text: str) -> str:
     """Return what a library says of a URL, of which it may have left out any part."""
     text = re.sub(_BARE_LOGIN, f"{_HIDDEN}@", shown(text))
@@ -186,6 +191,12 @@ def several(given: Any, needed: str = "") -> list[Any]:
     if needed and not found:
         raise ArgumentError(needed, "are none; name one at least")
     return found
+
+
+def first_of(names: Sequence[str], most: int) -> str:
+    """The first of some names, and how many more there are: ``a, b and 3 more``."""
+    more = len(names) - most
+    return ", ".join(names[:most]) + (f" and {more:,} more" if more > 0 else "")
 
 
 def check_names(names: Sized, maps: Sized) -> None:

@@ -21,6 +21,7 @@ from shrm_cli.cli.terminal import echo_lines, echo_message, progress_bar, tell, 
 from shrm_cli.cli.types import FILE, PATH, Named, flag, option, whole
 from shrm_cli.maps.options import counted
 from shrm_cli.maps.registry import installed_names
+from shrm_cli.messages import is_remote, without_name
 from shrm_cli.settings import limit_libraries
 from shrm_cli.vocabulary import (
     AUTO,
@@ -191,8 +192,6 @@ def _stands_for_more(name: str) -> bool:
     """Whether a name is a pattern or a URL."""
     import glob
 
-    from shrm_cli.messages import is_remote
-
     return glob.has_magic(name) or is_remote(name)
 
 
@@ -359,7 +358,7 @@ def _note(result: Result, log: Log | None, only_looks: bool, told: set[tuple[str
         if log is not None:
             log(record)
         if record["status"] == "failed":
-            error = record["error"].removeprefix(f"{record['output']}: ")
+            error = without_name(record["error"], record["output"])
             if (result.probe, error) not in told:
                 told.add((result.probe, error))
                 echo_message(f"Failed: {record['output']}: {usage.flags(error)}")

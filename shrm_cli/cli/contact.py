@@ -11,6 +11,7 @@ from shrm_cli.cli import options, usage
 from shrm_cli.cli.terminal import conclude, progress_bar
 from shrm_cli.cli.types import PATH, option
 from shrm_cli.maps.options import counted
+from shrm_cli.messages import without_name
 
 if TYPE_CHECKING:
     from shrm_cli.report.contact import Contacts
@@ -58,7 +59,7 @@ def contact(maps: tuple[str, ...], output: str, title: str) -> None:
 
 def _reason(name: str, why: str) -> str:
     """Why a map is not shown, with the name of its file before it once."""
-    return f"{name}: {usage.flags(why).removeprefix(name + ': ')}"
+    return f"{name}: {usage.flags(without_name(why, name))}"
 
 
 def write_contacts(found: Contacts, output: str, title: str) -> int:

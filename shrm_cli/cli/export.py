@@ -219,9 +219,11 @@ def _exported(
     source: Source, engine: Engine, folder: Path, asked: shrm.Asked, force: bool
 ) -> tuple[dict[str, Any], list[str], list[str]]:
     """Make the files of one engine; return what is told as JSON, its lines, and warnings."""
-    from shrm_cli.export.make import packaged, write
+    from shrm_cli.export.make import keep_other_export, packaged, write
 
     usage.check_outputs([str(folder / source.name) if folder.is_dir() else str(folder)])
+    if not force:
+        keep_other_export(source, engine, folder)
     with usage.renamed(**_OPTIONS), progress_bar(f"exporting for {engine.name}") as progress:
         made = packaged(source, engine, asked, progress)
     if folder.is_dir():

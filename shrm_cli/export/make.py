@@ -20,9 +20,9 @@ from shrm_cli.export.engine import engine as engine_of
 from shrm_cli.export.lamps import add_lamps, better_cures, without_lamps
 from shrm_cli.export.packing import packed, refuse_missing
 from shrm_cli.export.pixels import CURE
-from shrm_cli.export.readme import readme
+from shrm_cli.export.readme import readme, title_line
 from shrm_cli.export.tamed import tamed
-from shrm_cli.files.whole import keeping, note, together
+from shrm_cli.files.whole import exists_error, keeping, note, together
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.file import is_map, open_map
 from shrm_cli.maps.info import provenance
@@ -54,6 +54,8 @@ DIFFUSE_ORDER = 64
 irradiance becomes 0, 90 degrees from a lamp: by a hundredth of its peak under a lamp alone."""
 TABLE_SIZE = 128
 """Texels along both edges of the environment-BRDF table."""
+_README = "README.md"
+"""How the name of the file ends that says what was done."""
 
 
 @record
@@ -270,6 +272,8 @@ def export(
     given = several(sources, "sources")
     given = [each if isinstance(each, Probe) else os.fspath(each) for each in given]
     source = Source.open(given, reading=reading)
+    if folder is not None:
+        keep_other_export(source, engine_of(engine), Path(folder))
     made = packaged(source, engine_of(engine), asked or Asked(), progress)
     if folder is not None:
         write(made, Path(folder))
@@ -304,8 +308,23 @@ def packaged(
     made.told[:0] = told
     made.warnings[:0] = warnings
     add_lamps(made, light, engine)
-    made.add_text(f"{light.name}_README.md", readme(engine, light, made))
+    made.add_text(f"{light.name}_{_README}", readme(engine, light, made))
     return made
+
+
+def keep_other_export(source: Source, engine: Engine, folder: Path) -> None:
+    """Refuse, before work begins, a folder that `write` would refuse for its README.
+
+    The first line of that tells the probe, the engine and the release. Other options may change
+    what follows, which is known at the end. A README that is cut off is no other's.
+    """
+    path = folder / f"{source.name}_{_README}"
+    if path.is_file():
+        line = f"{title_line(engine, source.title)}\n".encode()
+        with suppress(OSError), path.open("rb") as file:
+            found = file.read(len(line)).rstrip(b"\0")
+            if not line.startswith(found):
+                raise exists_error(path, "other inputs or options made it")
 
 
 def _tell_box(engine: Engine, box: ProxyBox, made: Package) -> None:

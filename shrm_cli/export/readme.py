@@ -10,6 +10,11 @@ _PLAIN = re.compile(r"[^\W_][\w.-]*")
 """Names of files that Markdown shows as they are, also outside of spans of code."""
 
 
+def title_line(engine: Engine, source: str) -> str:
+    """Return the first line, which is known before there is any light."""
+    return f"Light of {markdown(source)} for {engine.title}, by shrm {__release__}. Linear RGB."
+
+
 def readme(engine: Engine, light: Light, package: Package) -> str:
     """Return the README: a line each of title, files, what was done, and loading, with the code.
 
@@ -22,7 +27,7 @@ def readme(engine: Engine, light: Light, package: Package) -> str:
         is_hard = code_span(name) in spans and not _PLAIN.fullmatch(name)
         told.append(f"{code_span(name)}{colon}{rest}" if is_hard else line)
     lines = [
-        f"Light of {markdown(light.source)} for {engine.title}, by shrm {__release__}. Linear RGB.",
+        title_line(engine, light.source),
         f"Files: {', '.join(spans)}.",
         f"What was done: {'; '.join(told) or 'nothing was turned or scaled'}.",
     ]

@@ -19,8 +19,8 @@ from shrm_cli.errors import RemoteError
 from shrm_cli.files.whole import check_target, scratch_folder
 from shrm_cli.messages import SCHEME, is_remote, shown, shown_reason, without_query
 
-MOST_BYTES = 2**32
-"""The most bytes that are fetched of one file unless the caller says otherwise."""
+_MOST_BYTES = 2**32
+"""The most bytes that are fetched of one file."""
 
 _BLOCK = 2**22
 """Bytes that are fetched at a time."""
@@ -53,18 +53,15 @@ def exists(url: str) -> bool:
 
 
 @contextlib.contextmanager
-def fetched(
-    url: str, folder: str | os.PathLike[str] | None = None, most_bytes: int = MOST_BYTES
-) -> Iterator[Path]:
+def fetched(url: str) -> Iterator[Path]:
     """Yield the path of a temporary copy, which has the name of the original and is removed after.
 
-    `folder` is where the copy is made, in a folder of its own; by default where the system has its
-    temporary files. `most_bytes` is the most bytes that the file may have.
+    It lies in a folder of its own where the system has its temporary files.
     """
-    with scratch_folder(folder) as own:
+    with scratch_folder() as own:
         with _reached(url) as (system, path):
             copy = own / _name_of(url)
-            _download(system, path, copy, shown(url), most_bytes)
+            _download(system, path, copy, shown(url))
         yield copy
 
 
@@ -148,25 +145,25 @@ def _limits(scheme: str) -> dict[str, Any]:
     return {"client_kwargs": {"timeout": whole}}
 
 
-def _download(system: Any, path: str, copy: Path, name: str, most_bytes: int) -> None:
+def _download(system: Any, path: str, copy: Path, name: str) -> None:
     """Copy a file in blocks; the size that it states is not taken for what it is."""
     stated = system.info(path).get("size")
-    if stated is not None and stated > most_bytes:
-        raise _too_large(name, stated, most_bytes)
+    if stated is not None and stated > _MOST_BYTES:
+        raise _too_large(name, stated)
     read = 0
     with open(copy, "wb") as target, system.open(path, "rb", block_size=_BLOCK) as source:
         while block := source.read(_BLOCK):
             read += len(block)
-            if read > most_bytes:
-                raise _too_large(name, read, most_bytes)
+            if read > _MOST_BYTES:
+                raise _too_large(name, read)
             target.write(block)
     if stated is not None and read != stated:
         raise RemoteError(f"{name}: ended after {read:,} of {stated:,} bytes; try again")
 
 
-def _too_large(name: str, size: int, most_bytes: int) -> RemoteError:
+def _too_large(name: str, size: int) -> RemoteError:
     return RemoteError(
-        f"{name}: has {size:,} bytes or more, which is above {most_bytes:,}; use a smaller file"
+        f"{name}: has {size:,} bytes or more, which is above {_MOST_BYTES:,}; use a smaller file"
     )
 
 

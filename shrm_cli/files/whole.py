@@ -365,7 +365,7 @@ _NAME = "shrm"
 
 
 @contextlib.contextmanager
-def scratch_folder(inside: str | os.PathLike[str] | None = None) -> Iterator[Path]:
+def scratch_folder() -> Iterator[Path]:
     """Context manager that yields a new folder, which is removed at the end with all in it.
 
     A process that is killed leaves its folder behind; the next one that makes one there removes it.
@@ -373,7 +373,7 @@ def scratch_folder(inside: str | os.PathLike[str] | None = None) -> Iterator[Pat
     import tempfile  # slow to load, and rarely needed
 
     try:
-        where = Path(tempfile.gettempdir() if inside is None else inside)
+        where = Path(tempfile.gettempdir())
         prefix = own_prefix(_NAME)
         for folder in abandoned(where, prefix):
             discard(folder)

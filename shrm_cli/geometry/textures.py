@@ -25,8 +25,9 @@ _WITHIN = 0.5
 """Pixels as small as this, in texels, are one place."""
 FINER = 2
 """How many places a pixel has where its parallelogram is a square, along each side."""
-_FAR = 1e6
-"""The largest texture coordinate, and change of one from a pixel to the next."""
+_FAR = 2.0**24
+"""The largest texture coordinate, and change of one from a pixel to the next. Files hold single
+precision, which has no fractions beyond."""
 _LARGEST = 6e4
 """The largest number that half floats hold, about."""
 

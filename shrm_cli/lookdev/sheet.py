@@ -32,7 +32,7 @@ from shrm_cli.maps.lamps.map import LampMap
 from shrm_cli.maps.options import counted
 from shrm_cli.maps.request import Prefiltered, check_arguments
 from shrm_cli.maps.seen import as_candidate
-from shrm_cli.messages import several, whole_number
+from shrm_cli.messages import several, shown, whole_number, without_name
 from shrm_cli.naming import probe_stem
 from shrm_cli.plan.search import Goal
 from shrm_cli.prefilter import prefilter_with_facts
@@ -47,7 +47,7 @@ from shrm_cli.render.camera import Viewer, background_rows
 from shrm_cli.render.image import expose, weighted_quantiles
 from shrm_cli.render.sheet import Grid, draw_grid
 from shrm_cli.render.sphere import render_background, render_sphere
-from shrm_cli.sphere.cube import cube_directions, cube_solid_angles
+from shrm_cli.sphere.cube import cube_directions, texel_solid_angles
 from shrm_cli.vocabulary import AUTO, LARGEST_HALF, LUMINANCE, MAX_PICTURE_SIZE
 
 SHOWN = 0.8
@@ -95,7 +95,7 @@ class Column:
         because the probe cannot be used.
         """
         lines = [
-            (spec, cell.removeprefix(f"{self.path}: "))
+            (spec, without_name(cell, self.path))
             for spec, cell in zip(specs, self.cells, strict=True)
             if isinstance(cell, str)
         ]
@@ -133,9 +133,9 @@ def metered(probe: Probe) -> float:
     normals = cube_directions(_TEXELS)
     radiance = ball.radiance(normals, normals)  # of a white surface: its irradiance over pi
     matrix = to_rec709(probe.chromaticities)
-    shown = radiance if matrix is None else radiance @ matrix.T
-    areas = np.tile(cube_solid_angles(_TEXELS, "center"), (6, 1))
-    (level,) = weighted_quantiles(shown @ LUMINANCE, areas, [1 - BRIGHTEST])
+    seen = radiance if matrix is None else radiance @ matrix.T
+    areas = texel_solid_angles(_TEXELS)
+    (level,) = weighted_quantiles(seen @ LUMINANCE, areas, [1 - BRIGHTEST])
     if not level > 0:
         return 0.0
     stops = round(float(np.log2(SHOWN / level)) / _STEP) * _STEP
@@ -378,7 +378,7 @@ def _section(
     column: "Column", head: str, sides: Sequence[str], cells: Sequence[Picture | str], size: int
 ) -> str:
     name = html.escape(head)
-    lines = ["<section>", "<header>", f'<h2 title="{html.escape(column.path)}">{name}</h2>']
+    lines = ["<section>", "<header>", f'<h2 title="{html.escape(shown(column.path))}">{name}</h2>']
     if any(not isinstance(cell, str) for cell in cells):
         lines.append(
             f'<label><input type="range" min="-{_STOPS}" max="{_STOPS}" step="0.1" value="0" '
@@ -392,7 +392,7 @@ def _section(
     lines += ["</header>", '<div class="cells">']
     for side, cell in zip(sides, cells, strict=True):
         caption = html.escape(side)
-        shown = (
+        drawn = (
             f'<div class="failed">{html.escape(cell)}</div>'
             if isinstance(cell, str)
             else f'<canvas width="{size}" height="{size}" role="img" '
@@ -400,7 +400,7 @@ def _section(
             f'<script type="text/plain">{_halves(cell)}</script>'
         )
         title = f"{caption}" if isinstance(cell, str) else f"{caption} \u00b7 {name}"
-        lines.append(f'<figure>{shown}<figcaption title="{title}">{caption}</figcaption></figure>')
+        lines.append(f'<figure>{drawn}<figcaption title="{title}">{caption}</figcaption></figure>')
     return "\n".join([*lines, "</div>", "</section>"])
 
 

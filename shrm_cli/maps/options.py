@@ -261,7 +261,8 @@ TEXTURES = Option(
 WINDOW = Option(
     "window", kind="text", metavar="NAME[:WIDTH]", default="auto",
     help="irradiance, product: none, hann, lanczos, or auto, the factors that change the light "
-    "least and leave nothing that is seen negative, of a product 1 %.  [default: auto]",
+    "least and leave nothing that is seen negative, of a product each color in 1 %.  "
+    "[default: auto]",
 )  # fmt: skip
 """The argument of representations that hold the light as a short series."""
 

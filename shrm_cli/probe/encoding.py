@@ -23,6 +23,7 @@ from shrm_cli.errors import ProbeError
 from shrm_cli.files.exr_header import MOST_PARTS
 from shrm_cli.files.openimageio import quiet
 from shrm_cli.files.parts import sound_primaries
+from shrm_cli.messages import first_of
 from shrm_cli.records import record
 
 _MAGIC = (b"#?RADIANCE", b"#?RGBE")
@@ -371,6 +372,4 @@ def _no_color(path: Path, names: list[str]) -> ProbeError:
 
 def _listed(names: Iterable[str]) -> str:
     """Names with commas between, not too many."""
-    listed = list(names)
-    more = len(listed) - _MOST_LISTED
-    return ", ".join(listed[:_MOST_LISTED]) + (f" and {more:,} more" if more > 0 else "")
+    return first_of(list(names), _MOST_LISTED)

@@ -23,9 +23,6 @@ _INSIDE = 0.25 / _SAMPLES
 """Samples off the sphere are moved this many pixels inside the silhouette, because BRDFs have no
 value on the silhouette itself, where N.V = 0."""
 
-_ALMOST_NOTHING = 1e-6
-"""Weight of samples off the sphere; samples on it have weight 1."""
-
 
 class Reflecting(Protocol):
     """The part of a map that `render_sphere` needs."""
@@ -113,14 +110,15 @@ def _rim_samples(x: Array, y: Array, radius: float) -> tuple[Array, Array, Array
     `x` and `y`, each of shape (n,), are pixel centres, in radii. `radius` is the radius of the
     sphere in pixels.
 
-    Returns `x`, `y` and `weights`, each of shape (n, k), samples on the sphere have equal weights.
-    Samples off it are moved just inside the silhouette and have almost no weight: they count only
-    if the sphere covers a part of the pixel but none of its samples. The weights of a row sum to 1.
+    Returns `x`, `y` and `weights`, each of shape (n, k). Samples on the sphere have equal weights,
+    which sum to 1. Samples off it are moved just inside the silhouette, and count only if the
+    sphere covers a part of the pixel but none of its samples.
     """
     offsets = ((np.arange(_SAMPLES) + 0.5) / _SAMPLES - 0.5) / radius
     down, right = (grid.ravel() for grid in np.meshgrid(offsets, offsets, indexing="ij"))
     x, y = x[:, None] + right, y[:, None] + down
     distance = np.hypot(x, y)
-    weights = np.where(distance <= 1, 1.0, _ALMOST_NOTHING)
-    inwards = np.where(distance <= 1, 1.0, (1 - _INSIDE / radius) / distance)
+    is_on = distance <= 1
+    weights = is_on | ~is_on.any(axis=-1, keepdims=True)
+    inwards = np.where(is_on, 1.0, (1 - _INSIDE / radius) / distance)
     return x * inwards, y * inwards, weights / weights.sum(axis=-1, keepdims=True)

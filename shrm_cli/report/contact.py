@@ -17,7 +17,7 @@ from shrm_cli.maps.file import is_map, open_map
 from shrm_cli.maps.info import MapInfo, spec_of
 from shrm_cli.maps.kinds import LightMap, MaterialMap
 from shrm_cli.maps.options import bytes_text, counted
-from shrm_cli.messages import several
+from shrm_cli.messages import several, shown, without_name
 from shrm_cli.progress import Progress, tell
 from shrm_cli.records import record
 from shrm_cli.render.camera import Viewer, whole_coverage
@@ -89,8 +89,8 @@ def found_maps(names: Iterable[str]) -> list[str]:
             continue
         for folder, folders, files in os.walk(name):
             folders[:] = sorted(each for each in folders if not each.startswith("."))
-            shown = sorted(each for each in files if not each.startswith("."))
-            paths = (os.path.join(folder, each) for each in shown)
+            seen = sorted(each for each in files if not each.startswith("."))
+            paths = (os.path.join(folder, each) for each in seen)
             found |= {path: None for path in paths if path.endswith(".exr") and is_map(path)}
     return list(found)
 
@@ -188,9 +188,9 @@ def contact_page(
     for each in contacts.maps:
         rows.setdefault(each.probe, {}).setdefault(columns[each.column], []).append(each)
     folder = Path(target).absolute().parent
-    shown = list(dict.fromkeys(columns.values()))
-    body = [_line(name, rows[name], shown, folder) for name in rows]
-    titles = [joined(spec(brdf), Html("<br>"), form) if brdf else form for brdf, form in shown]
+    heads = list(dict.fromkeys(columns.values()))
+    body = [_line(name, rows[name], heads, folder) for name in rows]
+    titles = [joined(spec(brdf), Html("<br>"), form) if brdf else form for brdf, form in heads]
     head = tag("tr", tag("th", "Probe"), [tag("th", each) for each in titles])
     total = sum(each.bytes for each in contacts.maps)
     what = (
@@ -204,7 +204,11 @@ def contact_page(
         title,
         tag("header", tag("p.kind", "Contact sheet"), tag("h1", title), tag("p.quiet", what)),
         [
-            tag("p.failure", tag("b", tag("code", name), ": "), worded(why))
+            tag(
+                "p.failure",
+                tag("b", tag("code", shown(name)), ": "),
+                worded(without_name(why, name)),
+            )
             for name, why in contacts.failures
         ],
         tag("div.scroll.sheet", tag("table", tag("thead", head), tag("tbody", body)), tabindex="0"),

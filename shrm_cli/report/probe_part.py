@@ -57,7 +57,7 @@ def probe_part(probe: Probe, found: ProbeStatistics, seen: Preview) -> Html:
         tag("h2", "The light", id="light"),
         tag("p.warning", tag("b", "Clipped? "), found.clipped) if found.clipped else "",
         tag("div.pair", _plain(probe, found, seen), _false_colors(found, seen)),
-        facts(_numbers(probe, found, seen)),
+        facts(_numbers(probe, found)),
         _lamps(found),
         _smooth(probe),
     )
@@ -109,7 +109,7 @@ def _false_colors(found: ProbeStatistics, seen: Preview) -> Html:
     )
 
 
-def _numbers(probe: Probe, found: ProbeStatistics, seen: Preview) -> Sequence[tuple[Part, Part]]:
+def _numbers(probe: Probe, found: ProbeStatistics) -> Sequence[tuple[Part, Part]]:
     balance = found.white_balance
     white = "none, there is no green" if balance is None else words.color(balance)
     if found.temperature is not None:

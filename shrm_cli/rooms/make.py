@@ -15,7 +15,7 @@ from shrm_cli.errors import ArgumentError, ShrmWarning
 from shrm_cli.geometry.load import load_mesh
 from shrm_cli.geometry.mesh import Mesh
 from shrm_cli.lights.split import split_lamps
-from shrm_cli.messages import whole_number
+from shrm_cli.messages import first_of, whole_number
 from shrm_cli.probe.disc import Disc
 from shrm_cli.probe.open import AnyProbe, as_probe
 from shrm_cli.probe.options import check_numbers
@@ -109,12 +109,7 @@ def _warnings(mesh: Mesh, room: Room, albedo: Mapping[str, Color]) -> list[str]:
         (holes, "light does not pass through the holes in the texture of the material "),
         (unread, "only the colour and the glow count of the material "),
     ]
-    return [
-        f"{mesh.name}: {text}{', '.join(names[:_NAMED])}"
-        + (f" and {len(names) - _NAMED} more" if len(names) > _NAMED else "")
-        for names, text in said
-        if names
-    ]
+    return [f"{mesh.name}: {text}{first_of(names, _NAMED)}" for names, text in said if names]
 
 
 def grid(

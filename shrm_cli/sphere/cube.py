@@ -103,6 +103,11 @@ def cube_solid_angles(size: int, sampling: Sampling = "center") -> Array:
     return result
 
 
+def texel_solid_angles(size: int, sampling: Sampling = "center") -> Array:
+    """The solid angles of the texels of all six faces, shape (6 size, size)."""
+    return np.tile(cube_solid_angles(size, sampling), (6, 1))
+
+
 def reoriented(image: Array, face: int, orientation: Orientation) -> Array:
     """One face of another orientation as an OpenEXR face: a view of the image, (N, N, ...)."""
     source, target = face_axes(orientation)[face], face_axes()[face]
@@ -219,7 +224,7 @@ class CubeSampler:
 def relative_change(before: Array, after: Array, old: Sampling, new: Sampling) -> float:
     """Return the relative RMS difference of two cubes of any sizes at the texels of the first."""
     size = before.shape[1]
-    weights = np.tile(cube_solid_angles(size, old), (6, 1))[..., None]
+    weights = texel_solid_angles(size, old)[..., None]
     again = CubeSampler(after, new)(cube_directions(size, old))
     missed = np.sum(weights * (again - before) ** 2)
     return relative_rms(missed, np.sum(weights * before.astype(float) ** 2))

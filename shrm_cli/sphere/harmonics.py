@@ -89,7 +89,11 @@ def _recurrence(order: int, last: int) -> tuple[Array, Array]:
 
     Both are of shape (order+1, last+1), indexed [l, m]; they mean nothing where m >= l.
     """
-    degree, m = np.arange(order + 1)[:, None], np.arange(last + 1)
+    return _factors(np.arange(order + 1)[:, None], np.arange(last + 1))
+
+
+def _factors(degree: NDArray[np.intp], m: NDArray[np.intp]) -> tuple[Array, Array]:
+    """Return what `_recurrence` does, of some degrees and orders."""
     below = np.maximum(degree - 1, 0)
     scale = np.sqrt((4 * degree**2 - 1) / np.maximum(degree**2 - m**2, 1) * (degree > 0))
     back = np.sqrt(np.maximum(below**2 - m**2, 0) / np.maximum(4 * below**2 - 1, 1))
@@ -115,9 +119,7 @@ def legendre_table(order: int, z: ArrayLike, max_m: int | None = None, first: in
             table[degree - first, 0] = highest
     # The recurrence in l goes up in all m at once, as far as each of them reaches.
     m = np.arange(first, last)
-    high = m + np.arange(1, order - first + 1)[:, None]  # the degree l
-    scale = np.sqrt((4 * high**2 - 1) / (high**2 - m**2))
-    back = scale * np.sqrt(((high - 1) ** 2 - m**2) / (4 * (high - 1) ** 2 - 1))
+    scale, back = _factors(m + np.arange(1, order - first + 1)[:, None], m)
     for above in range(1, order - first + 1):
         kept = slice(min(last, order - above + 1) - first)
         current = table[kept, above]

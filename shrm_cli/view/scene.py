@@ -23,6 +23,7 @@ from shrm_cli.maps.kinds import LightMap, MaterialMap
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.shader.code import Code, written_code
 from shrm_cli.maps.shader.file import pack
+from shrm_cli.messages import first_of
 from shrm_cli.naming import map_stem
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.resample import default_size, to_grid
@@ -138,7 +139,7 @@ def make_scene(
     # Whoever names a mesh wants to see it, unless there is a truth, which is of a sphere.
     shows_mesh = mesh is not None and (probe is None or not truth.size)
     description: dict[str, Any] = {
-        "title": ", ".join(names[:2]) + (f" and {len(names) - 2} more" if len(names) > 2 else ""),
+        "title": first_of(names, 2),
         "file": names[0],
         "maps": described,
         "shapes": shapes,

@@ -12,7 +12,7 @@ from shrm_cli.batch.entry import Entry, found_probes
 from shrm_cli.errors import ProbeError
 from shrm_cli.files.exr_header import is_output
 from tests.batch.helpers import work_here, write_probes
-from tests.cli.helpers import MESH, noise, run, snapshot, write_exr
+from tests.cli.helpers import MESH, done, noise, run, snapshot, write_exr
 
 IRRADIANCE = ("--to", "irradiance", "--jobs", "1")
 
@@ -188,6 +188,23 @@ def test_passwords_and_signatures_are_told_to_nobody(folder, command):
     found = run(*command)
     assert "hunter2" not in found.out + found.err
     assert all(b"hunter2" not in path.read_bytes() for path in folder.iterdir())
+
+
+def test_sheets_name_a_url_once(folder):
+    done("prefilter", "p0.exr", "--to", "irradiance", "-o", "map.exr")
+    address = "https://user:hunter2@127.0.0.1:9/a.exr?sig=hunter2"
+    told = "https://***@127.0.0.1:9/a.exr?..."
+    for command in (
+        ("contact", address, "-o", "none.html"),
+        ("contact", "map.exr", address, "-o", "page.html"),
+        ("lookdev", address, "p0.exr", "--brdf", "phong", "--size", "16", "-o", "sheet.html"),
+    ):
+        found = run(*command)
+        assert found.code == 1
+        assert found.err.count(told) == 1
+    assert (folder / "page.html").read_text().count(told) == 1
+    for path in folder.glob("*.html"):
+        assert "hunter2" not in path.read_text()
 
 
 def test_farms_are_warned_of_passwords(folder):

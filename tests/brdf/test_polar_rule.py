@@ -1,10 +1,18 @@
 """Rules over the angle from the central direction, against integrals that are known."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.special import eval_legendre
 
-from shrm_cli.brdf.polar_rule import PolarRule, SplitRule, squeezed_azimuths, view_nodes
+from shrm_cli.brdf.polar_rule import (
+    PolarRule,
+    SplitRule,
+    squeezed_azimuths,
+    transfer_samples,
+    view_nodes,
+)
 
 RULES = [PolarRule(), PolarRule(0.3), PolarRule(0.02), SplitRule(below=True)]
 
@@ -73,3 +81,32 @@ def test_squeezed_azimuths_integrate_narrow_ellipses():
     np.testing.assert_allclose(np.sum(weights / squares, axis=1), np.pi * cosine, rtol=1e-6)
     even, thirds = squeezed_azimuths(60, cosine)[0], squeezed_azimuths(20, cosine)[0]
     np.testing.assert_allclose(even[:, 1::3], thirds, rtol=1e-12)
+
+
+def heights(center):
+    """A surface that reflects as much as the light is high above its horizon."""
+    return SimpleNamespace(
+        center=center, has_horizon=True, is_measured=False, transfer=lambda light, _: light[..., 2:]
+    )
+
+
+def test_cells_that_the_horizon_cuts_take_the_value_just_above_it():
+    phi = np.linspace(0, np.pi, 7)[None]
+    cut = []
+    for _, values, coverage in transfer_samples(
+        heights("reflection"), PolarRule(), 96, np.array([0.9]), phi
+    ):
+        if coverage is not None:
+            cut.append(values[(coverage > 0) & (coverage <= 0.5)])
+    found = np.concatenate(cut)
+    assert len(found) > 1
+    assert (found > 0).all()
+    assert found.max() < 1e-8
+
+
+def test_no_cell_is_cut_where_the_horizon_lies_between_two():
+    """The last node of the split rule is next to it, and rounding cuts off a part of 1e-6."""
+    samples = transfer_samples(
+        heights("normal"), SplitRule(), 192, np.array([0.9]), np.zeros((1, 4))
+    )
+    assert all(coverage is None for _, _, coverage in samples)

@@ -7,6 +7,8 @@ import sys
 import numpy as np
 import pytest
 
+import shrm_cli as shrm
+from shrm_cli.errors import OutputError
 from shrm_cli.export import make
 from shrm_cli.maps.file import open_map
 from shrm_cli.maps.splitsum import prefilter
@@ -344,6 +346,27 @@ def test_other_exports_are_kept_unless_forced(folder):
     assert snapshot(folder) == before
     done(*again, "--force")
     assert snapshot(folder) != before
+
+
+def test_an_export_of_another_light_or_engine_is_kept_before_the_work(folder, monkeypatch):
+    done("export", "sky.exr", "--for", "godot", "-o", "out")
+    readme = folder / "out" / "sky_README.md"
+    whole = readme.read_bytes()
+    done("export", "sky.exr", "--for", "godot", "-o", "out")  # the same again
+    for damaged in (whole[:7], whole[:20] + bytes(len(whole) - 20), b""):
+        readme.write_bytes(damaged)
+        done("export", "sky.exr", "--for", "godot", "-o", "out")
+        assert readme.read_bytes() == whole
+    before = snapshot(folder)
+    with monkeypatch.context() as patch:
+        patch.setattr(make, "packaged", None)  # no work begins
+        again = ["export", "sky.exr", "--for", "unity", "-o", "out"]
+        assert_refused(run(*again), 1, "sky_README.md: exists", "--force")
+        with pytest.raises(OutputError, match="exists"):
+            shrm.export("sky.exr", "unity", "out")
+    assert snapshot(folder) == before
+    (folder / "out" / "note.txt").write_text("mine")  # is beside nothing of the export
+    done(*again, "--force")
 
 
 def test_an_input_in_the_folder_is_not_replaced(folder, rng):

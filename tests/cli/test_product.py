@@ -156,6 +156,7 @@ def test_options_of_the_form(tmp_path, probe):
     out = done("prefilter", probe, "--brdf", BRUSHED, "--to", "product", "--texels", "8",
                "--window", "hann", "-o", target)  # fmt: skip
     assert "window         hann" in out
+    assert "would lack a color" in out
     assert open_map(target).lighting.shape == (25, 3)
 
 

@@ -5,6 +5,7 @@ import http.server
 import importlib
 import socket
 import sys
+import tempfile
 import threading
 from pathlib import Path
 
@@ -17,6 +18,12 @@ from shrm_cli.files import remote
 fsspec = pytest.importorskip("fsspec")
 
 
+@pytest.fixture(autouse=True)
+def _copies(tmp_path, monkeypatch):
+    """Copies lie where a test sees them."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+
+
 @pytest.fixture
 def memory():
     """Return fsspec's file system in memory, empty."""
@@ -27,8 +34,8 @@ def memory():
     system.store.clear()
 
 
-def fetched_bytes(url, folder):
-    with remote.fetched(url, folder) as path:
+def fetched_bytes(url):
+    with remote.fetched(url) as path:
         return path.name, path.read_bytes()
 
 
@@ -59,14 +66,14 @@ def test_a_copy_has_the_name_and_the_bytes_and_is_removed(memory, tmp_path):
     content = bytes(range(256)) * 40_000  # more than two blocks
     assert len(content) > 2 * remote._BLOCK
     memory.pipe_file("/p/my probe.exr", content)
-    with remote.fetched("memory://p/my probe.exr", tmp_path) as path:
+    with remote.fetched("memory://p/my probe.exr") as path:
         assert path.name == "my probe.exr"
         assert path.is_relative_to(tmp_path)
         assert path.read_bytes() == content
     assert list(tmp_path.iterdir()) == []
     with (
         pytest.raises(KeyError, match="the caller's own"),
-        remote.fetched("memory://p/my probe.exr", tmp_path),
+        remote.fetched("memory://p/my probe.exr"),
     ):
         raise KeyError("the caller's own")
     assert list(tmp_path.iterdir()) == []
@@ -74,11 +81,13 @@ def test_a_copy_has_the_name_and_the_bytes_and_is_removed(memory, tmp_path):
 
 def test_no_more_is_fetched_than_allowed(memory, tmp_path, monkeypatch):
     memory.pipe_file("/a.exr", bytes(1000))
-    with remote.fetched("memory://a.exr", tmp_path, most_bytes=1000):
+    monkeypatch.setattr(remote, "_MOST_BYTES", 1000)
+    with remote.fetched("memory://a.exr"):
         pass
+    monkeypatch.setattr(remote, "_MOST_BYTES", 999)
     with (
         pytest.raises(RemoteError, match=r"memory://a\.exr: has 1,000 bytes.*above 999"),
-        remote.fetched("memory://a.exr", tmp_path, most_bytes=999),
+        remote.fetched("memory://a.exr"),
     ):
         pass
     lie = type(memory).info
@@ -88,12 +97,13 @@ def test_no_more_is_fetched_than_allowed(memory, tmp_path, monkeypatch):
         )
         with (
             pytest.raises(RemoteError, match=match),
-            remote.fetched("memory://a.exr", tmp_path, most_bytes=999),
+            remote.fetched("memory://a.exr"),
         ):
             pass
+    monkeypatch.setattr(remote, "_MOST_BYTES", 2000)
     with (
         pytest.raises(RemoteError, match="ended after 1,000 of 2,000 bytes"),
-        remote.fetched("memory://a.exr", tmp_path),
+        remote.fetched("memory://a.exr"),
     ):
         pass
     assert list(tmp_path.iterdir()) == []
@@ -104,7 +114,7 @@ def test_what_is_published_is_read_back(memory, tmp_path):
     for url in ("memory://out/deep/a.exr", f"file://{tmp_path}/out/deep/b.exr"):
         remote.publish(tmp_path / "a.exr", url)
         remote.publish(tmp_path / "a.exr", url)  # over the first
-        assert fetched_bytes(url, None) == (url.rsplit("/")[-1], b"new" * 1000)
+        assert fetched_bytes(url) == (url.rsplit("/")[-1], b"new" * 1000)
     assert [path.name for path in (tmp_path / "out" / "deep").iterdir()] == ["b.exr"]
 
 
@@ -144,7 +154,7 @@ def test_servers_that_never_replace_by_renaming_are_served(tmp_path, monkeypatch
 
 def test_errors_are_one_line_that_holds_no_password(memory, tmp_path, monkeypatch):
     def error(url):
-        with pytest.raises(RemoteError) as caught, remote.fetched(url, tmp_path):
+        with pytest.raises(RemoteError) as caught, remote.fetched(url):
             pass
         text = str(caught.value)
         assert "\n" not in text
@@ -195,14 +205,14 @@ def test_a_web_server_is_read(tmp_path):
         threading.Thread(target=server.serve_forever, daemon=True).start()
         place = f"http://127.0.0.1:{server.server_port}"
         url = f"{place}/my%20probe.exr"
-        assert fetched_bytes(f"{url}?sig=1", tmp_path) == ("my probe.exr", b"light" * 1000)
+        assert fetched_bytes(f"{url}?sig=1") == ("my probe.exr", b"light" * 1000)
         assert remote.matching(f"{place}/*.exr") == [url]
         assert not remote.exists(f"{place}/none.exr")
         with pytest.raises(RemoteError, match="check the URL"):
             remote.publish(tmp_path / "www" / "my probe.exr", f"{place}/new.exr")
         server.shutdown()
     with pytest.raises(RemoteError, match="or its place cannot be reached"):
-        fetched_bytes(url, tmp_path)
+        fetched_bytes(url)
     with pytest.raises(RemoteError, match=r"check the URL and the network$"):
         remote.matching(f"{place}/*.exr")  # of a server that is away, no login is to blame
 
@@ -215,7 +225,7 @@ def test_a_web_server_that_says_nothing_is_given_up(tmp_path, monkeypatch, what)
     with socket.create_server(("127.0.0.1", 0)) as silent:
         url = f"http://127.0.0.1:{silent.getsockname()[1]}/{what}"
         with pytest.raises(RemoteError, match=r"[Tt]imeout|cannot be reached"):
-            remote.matching(url) if "*" in url else fetched_bytes(url, tmp_path)
+            remote.matching(url) if "*" in url else fetched_bytes(url)
 
 
 @pytest.mark.slow
@@ -246,13 +256,13 @@ def test_a_store_that_speaks_s3(tmp_path, monkeypatch):
         assert remote.matching("s3://bucket/probes/*.exr") == [
             "s3://bucket/probes/a.exr", "s3://bucket/probes/b c.exr",
         ]  # fmt: skip
-        assert fetched_bytes("s3://bucket/probes/b c.exr", tmp_path) == ("b c.exr", content)
+        assert fetched_bytes("s3://bucket/probes/b c.exr") == ("b c.exr", content)
         assert remote.exists("s3://bucket/probes/a.exr")
         assert not remote.exists("s3://bucket/probes/z.exr")
         with pytest.raises(RemoteError, match=r"^s3://nobucket/a\.exr: "):
             remote.publish(tmp_path / "a.exr", "s3://nobucket/a.exr")
         with pytest.raises(RemoteError, match=r"^s3://nobucket/a\.exr: there is no such file"):
-            fetched_bytes("s3://nobucket/a.exr", tmp_path)
+            fetched_bytes("s3://nobucket/a.exr")
         assert [path.name for path in tmp_path.iterdir()] == ["a.exr"]
     finally:
         server.stop()

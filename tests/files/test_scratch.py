@@ -3,6 +3,7 @@
 import os
 import signal
 import sys
+import tempfile
 
 import pytest
 
@@ -13,41 +14,50 @@ from tests.cli.helpers import MAIN, NO_MODULES, assert_refused, noise, process, 
 KILLED = """
 import os, signal, sys
 from shrm_cli.files.whole import scratch_folder
-with scratch_folder(*sys.argv[1:]) as folder:
+with scratch_folder() as folder:
     (folder / "map.exr").write_text("light")
     print(folder, flush=True)
     os.kill(os.getpid(), signal.SIGKILL)
 """
 
 
-def test_it_is_removed_with_all_in_it(tmp_path):
-    with scratch_folder(tmp_path) as folder:
-        assert folder.parent == tmp_path
+@pytest.fixture
+def place(tmp_path, monkeypatch):
+    """Where the system has its temporary files, in this process and in those that it starts."""
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    return tmp_path
+
+
+def test_it_is_removed_with_all_in_it(place):
+    with scratch_folder() as folder:
+        assert folder.parent == place
         (folder / "below").mkdir()
         (folder / "below" / "a.exr").write_text("light")
-    assert list(tmp_path.iterdir()) == []
-    with pytest.raises(KeyError), scratch_folder(tmp_path):
+    assert list(place.iterdir()) == []
+    with pytest.raises(KeyError), scratch_folder():
         raise KeyError
-    assert list(tmp_path.iterdir()) == []
+    assert list(place.iterdir()) == []
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="has no such signals")
-def test_what_a_killed_process_leaves_the_next_one_removes(tmp_path):
-    (tmp_path / ".shrm-mine").mkdir()
-    with start(tmp_path, code=KILLED) as child:
+def test_what_a_killed_process_leaves_the_next_one_removes(place):
+    (place / ".shrm-mine").mkdir()
+    with start(code=KILLED) as child:
         left = child.stdout.readline().strip()
         assert child.wait(timeout=30) == -signal.SIGKILL
     assert os.path.exists(f"{left}/map.exr")
-    with scratch_folder(tmp_path) as folder:
-        assert sorted(tmp_path.iterdir()) == sorted([tmp_path / ".shrm-mine", folder])
-        with scratch_folder(tmp_path) as other:  # of a run that is still at work
+    with scratch_folder() as folder:
+        assert sorted(place.iterdir()) == sorted([place / ".shrm-mine", folder])
+        with scratch_folder() as other:  # of a run that is still at work
             assert other != folder
         assert folder.exists()
 
 
-def test_where_no_folder_can_be_made(tmp_path):
+def test_where_no_folder_can_be_made(tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "no"))
     with pytest.raises(OutputError, match=r"no temporary folder can be made .* set TMPDIR"):
-        scratch_folder(tmp_path / "no").__enter__()
+        scratch_folder().__enter__()
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="has no such limits")

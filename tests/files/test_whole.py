@@ -97,10 +97,11 @@ def test_left_overs_of_dead_processes_are_removed(tmp_path):
 
 
 STOPPED_EARLY = """
-import atexit, os, pathlib, sys
+import atexit, os, pathlib, sys, tempfile
+tempfile.tempdir = "."
 from shrm_cli.files.whole import scratch_folder
 from shrm_cli.files.whole import replacing, together
-blocks = [replacing("a.exr"), scratch_folder("."), together(), replacing("b.exr")]
+blocks = [replacing("a.exr"), scratch_folder(), together(), replacing("b.exr")]
 for block in blocks:
     path = block.__enter__()
     if path is not None:

@@ -99,6 +99,12 @@ def test_a_texture_that_covers_a_pixel_again_and_again_is_its_mean(rng):
     np.testing.assert_allclose(found, np.broadcast_to(pixels.mean(axis=(0, 1)), (5, 4)), atol=2e-3)
 
 
+def test_coordinates_repeat_as_far_as_single_precision_has_fractions(rng):
+    made = MipMap(pyramid_of(image(rng)), Texture("", wrap=("repeat", "repeat")))
+    far = np.array([[2.0**23 + 0.5, 2.0**23 + 0.5]])
+    np.testing.assert_allclose(made.at(far, still(far)), made.at(far % 1, still(far)), atol=1e-6)
+
+
 def test_endless_coordinates_have_some_pixel(rng):
     made = MipMap(pyramid_of(image(rng)), Texture("", wrap=("clamp", "repeat")))
     steps = np.broadcast_to([[np.inf, 0], [0, np.nan]], (2, 2, 2))

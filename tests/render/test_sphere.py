@@ -132,6 +132,18 @@ def test_fine_stripes_on_the_rim_are_averaged():
     assert ((picture > 0.2) & (picture < 1.8)).all()
 
 
+def test_samples_off_the_sphere_count_only_where_none_is_on_it():
+    places = np.array([0.95, 1.0, 1.06])  # within, on the silhouette, and all beyond it
+    x, y, weights = sphere._rim_samples(places, np.zeros(3), 10.0)
+    off = (np.hypot(x, y) > 1 - 0.5 * sphere._INSIDE / 10) | (weights == 0)
+    np.testing.assert_allclose(weights.sum(axis=1), 1)
+    assert (np.hypot(x, y) <= 1).all()
+    assert not off[0].any()
+    assert 0 < np.count_nonzero(weights[1]) < weights.shape[1]
+    assert len(np.unique(weights[1])) == 2
+    assert (weights[2] == 1 / weights.shape[1]).all()
+
+
 def test_pixels_on_the_rim_are_means_of_what_they_cover(monkeypatch):
     """Of rings that grow finer than pixels there, beside 32 x 32 samples of each."""
     rings = Painted(lambda n: np.repeat(1 + np.sin(60 * n[:, 2:]), 3, axis=1))

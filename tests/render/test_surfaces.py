@@ -99,11 +99,15 @@ def test_the_second_coordinates_and_transforms(tmp_path):
         np.testing.assert_allclose(found, expected, atol=2e-3, err_msg=str(moved))
 
 
-def test_what_is_cut_out_shows_what_lies_behind(tmp_path):
-    """Two quads, the nearer one with holes of alpha 0.3 at left; the one behind has none."""
+@pytest.mark.parametrize(("apart", "is_seen"), [(0.01, True), (4.2e-5, True), (1.8e-5, False)])
+def test_what_is_cut_out_shows_what_lies_behind(tmp_path, apart, is_seen):
+    """Two quads, the nearer one with holes of alpha 0.3 at left; the one behind has none.
+
+    Within 1e-5 of the diagonal they are one.
+    """
     near, faces, normals, uvs = quad()
     shape = (
-        np.concatenate([near + np.array([0, 0, 0.01]), near]),
+        np.concatenate([near + np.array([0, 0, apart]), near]),
         np.concatenate([faces, faces + 4]),
         np.concatenate([normals, normals]),
         np.concatenate([uvs * 0.5, uvs * 0.5 + 0.5]),
@@ -114,7 +118,7 @@ def test_what_is_cut_out_shows_what_lies_behind(tmp_path):
     pixels[2:, 2:] = [0, 0, 255, 255]
     masked = material(alphaMode="MASK", alphaCutoff=0.4)
     found = quarters(drawn(tmp_path, masked, shape, [png(pixels)]))
-    np.testing.assert_allclose(found, [[[0, 0, 1], [0, 1, 0]]] * 2, atol=1e-6)
+    np.testing.assert_allclose(found, [[[0, 0, int(is_seen)], [0, 1, 0]]] * 2, atol=1e-6)
     opaque = quarters(drawn(tmp_path, material(), shape, [png(pixels)]))
     np.testing.assert_allclose(opaque, np.broadcast_to([0, 1, 0], (2, 2, 3)), atol=1e-6)
 

@@ -63,6 +63,23 @@ def test_the_box_is_that_of_the_room_that_is_seen():
     np.testing.assert_allclose([low, high], [[0, 0, 0], [2, 2, 2]])
 
 
+@pytest.mark.parametrize(("tip", "is_taken"), [(1.5, True), (1.75, False)])
+def test_corners_between_the_looks_count_where_they_are_near(tip, is_taken):
+    """Looks fall short of the tip of a tent by .019 of the room's size, of a longer one by .025.
+
+    What is farther from all that is met may be of another room.
+    """
+    points = np.array([[tip, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]])
+    corners = points[[[a, b, c] for a in (0, 1) for b in (2, 3) for c in (4, 5)]]
+    inwards = -np.repeat(corners.mean(axis=1), 3, axis=0)
+    inwards /= np.linalg.norm(inwards, axis=1, keepdims=True)
+    tent = corners.reshape(-1, 3), np.arange(24).reshape(8, 3), inwards
+    room = shapes.room([tent], [[0.5] * 3], [[0] * 3])
+    _, high = capture.box_around(room, np.zeros(3))
+    assert (abs(high[0] - tip) < 1e-5) == is_taken
+    np.testing.assert_allclose(high[1:], 1, atol=1e-5)
+
+
 def test_the_box_ends_at_the_near_side_of_walls():
     """Of walls of 10 cm it was the far side; a floor that goes on below them is hidden there."""
     walls = [

@@ -107,6 +107,16 @@ def test_hidden_and_dead_probes_do_not_count():
     assert both.irradiance(middle, up)[0, 0] == pytest.approx(101 / 2 * one, rel=1e-3)
 
 
+def test_where_all_probes_are_hidden_distance_alone_counts():
+    """One of two sees a little further through its wall than the other, or as good as nothing."""
+    grid = lit(shape=(2, 1, 1))
+    middle, up = np.array([[0.5, 0.5, 4.5]]), np.array([[0.0, 1, 0]])
+    for distance, share in ((0.699, 0.5), (0.701, 1.0)):
+        walls = np.array([ball_of_walls(distance), ball_of_walls(0.2)])
+        probes, weights = replace(grid, walls=walls).weights(middle, up)
+        assert weights[probes == 0].sum() == pytest.approx(share, abs=1e-6), distance
+
+
 def test_files_hold_the_same(tmp_path):
     grid = lit()
     write_grid(tmp_path / "a.npz", grid)

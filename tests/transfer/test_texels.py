@@ -89,6 +89,38 @@ def test_texels_stand_for_the_nearest_points_of_triangles(rng, shape):
                 assert np.linalg.norm(own) < np.linalg.norm(nearest) + 0.26
 
 
+@pytest.mark.parametrize(("edge", "beyond"), [(8, False), (256, True)])
+def test_points_on_borders_lie_a_little_within(edge, beyond):
+    """By a hundredth of the way to the middle, and by a quarter of a texel at the most."""
+    corners = np.array([[0.0, 0], [1, 0], [0, 1]])
+    found = sampled(corners[None], np.zeros(1, int), (edge, edge))
+    row, column = np.nonzero(found.rows >= 0)
+    weights = found.weights[(column >= row)]  # their middles are not within the triangle
+    inset = 3 * weights.min(axis=1, keepdims=True)
+    on_border = (weights - inset / 3) / (1 - inset)
+    ways = edge * np.linalg.norm((1 / 3 - on_border) @ corners, axis=1)
+    assert len(weights) >= edge
+    np.testing.assert_allclose(inset[:, 0], np.minimum(0.01, 0.25 / ways), rtol=1e-6)
+    assert (inset < 0.0099).any() == beyond
+
+
+@pytest.mark.parametrize("part", [0.7, 1.5])
+def test_middles_on_a_border_but_for_rounding_count_as_on_it(part):
+    """A triangle begins a little before the middles of the third column of 8 x 8 texels."""
+
+    def triangle(least, width):
+        """One in which these middles have that least weight."""
+        start = 2.5 - least * width
+        places = np.array([[start, 0.0], [start, 8], [start + width, 4]])
+        return (places * [1, -1] + [0, 8]) / 8
+
+    made = sampled(triangle(1e-4 * part, 5)[None], np.zeros(1, int), (8, 8))
+    weight = made.weights[made.rows[4, 2]].min()
+    assert weight == pytest.approx(1e-4 * part if part > 1 else 0.99e-4 * part + 0.01 / 3, rel=1e-6)
+    both = np.array([triangle(1e-6 * part, 5), triangle(1e-6 * part, -2)])
+    assert sampled(both, np.zeros(2, int), (8, 8)).is_flat == (part < 1)
+
+
 def test_look_ups_are_bilinear_and_leave_out_what_is_empty():
     rows = np.array([[0, 1, 2], [3, -1, 4]])
     corners = np.array([[[0.5, 0.5], [0.5, 0.5], [0.9, 0.5]]])

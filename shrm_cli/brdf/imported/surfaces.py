@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from shrm_cli.errors import BrdfError, ShrmWarning
+from shrm_cli.messages import first_of
 from shrm_cli.records import record
 
 Values = Mapping[str, Any]
@@ -173,7 +174,7 @@ def chosen(name: str, names: Sequence[str], wanted: str) -> int:
         numbers = [_number(k, names) for k in same]
         raise BrdfError(
             f"{name}: {len(same)} materials are called {wanted[:40]!r}; name one of them after "
-            f"a '#' by its number: {_listed(numbers)}"
+            f"a '#' by its number: {first_of(numbers, _LISTED)}"
         )
     is_number = wanted.isascii() and wanted.isdigit() and int(wanted[:9]) < len(names)
     if same:
@@ -196,7 +197,7 @@ def chosen(name: str, names: Sequence[str], wanted: str) -> int:
     ways = [
         each if each and count[each] == 1 else _number(k, names) for k, each in enumerate(names)
     ]
-    raise BrdfError(f"{name}: {what}; name one after a '#': {_listed(ways)}")
+    raise BrdfError(f"{name}: {what}; name one after a '#': {first_of(ways, _LISTED)}")
 
 
 def _number(place: int, names: Sequence[str]) -> str:
@@ -205,8 +206,3 @@ def _number(place: int, names: Sequence[str]) -> str:
     while found in names:
         found = f"0{found}"
     return found
-
-
-def _listed(ways: Sequence[str]) -> str:
-    """The first of the ways to name a material, and whether there are more."""
-    return ", ".join(ways[:_LISTED]) + (", ..." if len(ways) > _LISTED else "")

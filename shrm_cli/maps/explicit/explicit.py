@@ -25,7 +25,7 @@ from shrm_cli.maps.options import checked_order_p
 from shrm_cli.maps.shrm.shrm import Shrm, second_moments
 from shrm_cli.messages import refuse_arguments
 from shrm_cli.records import once_each, record
-from shrm_cli.sphere.cube import CubeSampler, cube_solid_angles, nearest_texels
+from shrm_cli.sphere.cube import CubeSampler, nearest_texels, texel_solid_angles
 from shrm_cli.sphere.directions import bisector, central_directions
 from shrm_cli.sphere.harmonics import order_of, real_harmonics
 from shrm_cli.sphere.quadrature import spiral_directions
@@ -275,7 +275,7 @@ class ExplicitMap(CentralMap):
 
     def _norm(self, planes: Array) -> float:
         """Return the root of the integral of the squares over views, texels and channels."""
-        texels = np.tile(cube_solid_angles(self.size, self.sampling), (6, 1))
+        texels = texel_solid_angles(self.size, self.sampling)
         squares = np.einsum("kcij,kcij,ij->k", planes, planes, texels, dtype=float)
         return float(np.sqrt(squares @ self.view_weights(self.count)))
 

@@ -33,9 +33,9 @@ from shrm_cli.records import record
 from shrm_cli.sphere.cube import (
     CubeSampler,
     cube_directions,
-    cube_solid_angles,
     nearest_texels,
     texel_directions,
+    texel_solid_angles,
 )
 from shrm_cli.sphere.directions import bisector, central_directions, horizontal_tangents, to_angles
 from shrm_cli.sphere.harmonics import legendre_table
@@ -357,7 +357,7 @@ def _expanded(source: PrincipalMap, order_p: int) -> Shrm:
     functions = np.moveaxis(lobe.at(theta), 1, 0)
     legendre = legendre_table(order_p, np.cos(theta), max_m=min(order_p, MAX_Q))
     directions = to_angles(cube_directions(source.size, source.sampling).reshape(-1, 3))
-    solid = np.tile(cube_solid_angles(source.size, source.sampling), (6, 1)).ravel()
+    solid = texel_solid_angles(source.size, source.sampling).ravel()
     texels = lobe.cubes.reshape(len(solid), -1, 3)
     result = np.zeros((len(solid), (order_p + 1) ** 2, 3), dtype=texels.dtype)
     lost = whole = 0.0

@@ -118,8 +118,8 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
 
     The own options of `request` are ``order`` and ``texels``, as `product_texture` takes them, and
     ``window``, as `ProductMap.window` takes it. Of so few orders a lamp may make black spots.
-    ``auto`` blurs the light as little as leaves no more than a hundredth of what is seen negative,
-    and not at all where no more is.
+    ``auto`` blurs the light as little as leaves each color negative in no more than a hundredth of
+    what is seen, and not at all where no more is.
 
     The predicted error of the map is the relative RMS error of the reflected light of this probe,
     over all orientations of the surface and all views above it, by Parseval; the added error is
@@ -237,7 +237,8 @@ def report(result: dict[str, Any]) -> list[str]:
     if window is not None and window["name"] != "none":
         lines.append(
             f"window         {window['name']}, changes it by {result['added_error']:.2%} RMS, and "
-            f"what is seen by {window['p95_change']:.1%} (p95)"
+            f"what is seen by {window['p95_change']:.1%} (p95); without it {window['spots']:.1%} "
+            "would lack a color"
         )
     return lines
 

@@ -34,10 +34,12 @@ _PLACES = 0.0, 0.5, 1.0
 """Where on their ways parameters that vary are looked at."""
 _GOLDEN = np.pi * (3 - np.sqrt(5))
 _BLACK = 0.01
-"""The share of what is seen that may be negative. A window that leaves no more than a tenth of it
-makes far more wrong: of `ward:ax=.45,ay=.2` in a courtyard 58 % of the pixels, where 15 % are wrong
-without one and .2 % are black (the perceptual error FLIP is .15 in place of .05), in a forest 24 %
-for 17 %, in an interior 56 % for 28 %."""
+"""The share of what is seen that may be negative in a channel. A window that leaves no more than a
+tenth of it makes far more wrong: of `ward:ax=.45,ay=.2` in a courtyard 58 % of the pixels, where
+15 % are wrong without one and .2 % are black (the perceptual error FLIP is .15 in place of .05), in
+a forest 24 % for 17 %, in an interior 56 % for 28 %. Without windows where luminance alone keeps
+it, FLIP is larger, for spots that lack a color: of `ward:ax=.5,ay=.15` in a sunset, order 4, .31
+for .28, where red is negative in 2.3 % and luminance in .1 %."""
 _MARGIN = 2e-3
 """The least light that is aimed at, as a part of the mean: there are gaps between samples."""
 _ROUNDS = 12
@@ -56,9 +58,12 @@ class LightWindow(Window):
     """The 95th percentile of the change of the luminance that is reflected, relative to the
     brighter of what it is without and with the window, or to `vocabulary.SEEN_FLOOR` of the mean
     where both are darker."""
+    spots: float | None = None
+    """The largest share of what is seen in which a channel would be negative without the window;
+    None without one. The luminance, which warnings about black pixels tell of, is in fewer."""
 
     def summary(self, order: int) -> dict[str, Any]:
-        return {**super().summary(order), "p95_change": self.p95_change}
+        return {**super().summary(order), "p95_change": self.p95_change, "spots": self.spots}
 
 
 def product_window(spec: str, product: "ProductMap", series: ArrayLike) -> LightWindow:
@@ -66,9 +71,9 @@ def product_window(spec: str, product: "ProductMap", series: ArrayLike) -> Light
 
     `spec` is as `make_window` takes it. ``auto`` asks for the factors that change the reflected
     light least, as RMS over orientations and views, and leave no channel negative anywhere; of
-    these it takes as little as leaves no more than a hundredth of what is seen negative. Where the
-    parameters of `product` vary, three values of each count. `series`, of shape ((order+1)^2, 3),
-    are the coefficients of the light in world axes.
+    these it takes as little as leaves each channel negative in no more than a hundredth of what is
+    seen. Where the parameters of `product` vary, three values of each count. `series`, of shape
+    ((order+1)^2, 3), are the coefficients of the light in world axes.
 
     The `change` of the window is that of the reflected light.
     """
@@ -95,6 +100,7 @@ def product_window(spec: str, product: "ProductMap", series: ArrayLike) -> Light
     costs = {
         "change": relative_rms(np.sum(change**2), np.sum(whole**2)),
         "p95_change": float(np.quantile(relative, 0.95)),
+        "spots": _spots(by_degree, np.ones(len(lost))),
     }
     return LightWindow(**{**asdict(found), **costs})
 
@@ -130,28 +136,30 @@ def _weakened(seen: Array) -> Array | None:
     """Find the factors of ``auto`` from what each degree adds to samples, shape (n, order+1, 3).
 
     Those that leave no sample negative pay dearly for the last few. So they are brought nearer to 1
-    until `_BLACK` of what is seen of a channel is negative. A view is seen on as much of a picture
-    as the surface is turned towards it. The result is None where that is so without factors, and
-    where the mean of no channel is positive, which no factors change.
+    until `_BLACK` of what is seen of a channel is negative. The result is None where that is so
+    without factors, and where the mean of no channel is positive, which no factors change.
     """
-    shares = np.resize(even_views(_VIEWS, _LEAST_COSINE)[:, 2], len(seen))
-    shares /= shares.sum()
-
-    def is_enough(factors: Array) -> bool:
-        black = np.einsum("nlc,l->nc", seen, factors) < 0
-        return bool((shares @ black <= _BLACK).all())
-
-    if is_enough(np.ones(seen.shape[1])) or not (seen[:, 0].mean(axis=0) > 0).any():
+    if _spots(seen, np.ones(seen.shape[1])) <= _BLACK or not (seen[:, 0].mean(axis=0) > 0).any():
         return None
     strongest = _factors(seen)
     weak, strong = 0.0, 1.0
     for _ in range(_HALVINGS):
         middle = (weak + strong) / 2
-        if is_enough(1 - middle * (1 - strongest)):
+        if _spots(seen, 1 - middle * (1 - strongest)) <= _BLACK:
             strong = middle
         else:
             weak = middle
     return np.asarray(1 - strong * (1 - strongest))
+
+
+def _spots(seen: Array, factors: Array) -> float:
+    """Return the largest share of a channel that is negative with some factors.
+
+    A view is seen on as much of a picture as the surface is turned towards it.
+    """
+    shares = np.resize(even_views(_VIEWS, _LEAST_COSINE)[:, 2], len(seen))
+    negative = np.einsum("nlc,l->nc", seen, factors) < 0
+    return float((shares @ negative).max() / shares.sum())
 
 
 def _factors(seen: Array) -> Array:

@@ -45,7 +45,7 @@ def pack(made: Map) -> tuple[PackedTexture, ...]:
     found = []
     if source.stacks:
         pages = arrange([(stack.shape[2], stack.shape[1]) for stack in source.stacks])
-        found.append(PackedTexture("shrm_layers", drawn(pages, source.stacks, source.sampling)))
+        found.append(PackedTexture("shrm_layers", drawn(pages, source.stacks)))
     tables = {"shrm_table": source.table, "shrm_product": source.images, "shrm_lobe": lobe_of(made)}
     for name, table in tables.items():
         if table is not None:

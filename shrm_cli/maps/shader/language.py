@@ -274,13 +274,13 @@ def _select(text: str, at: int) -> str:
     WGSL computes both values; no value of the code is costly or goes wrong where it is not taken.
     """
     first = at - 1
-    while not _is_bound(text, first, _CLOSING, _OPENING):
+    while not _is_bound(text, first, _OPENING):
         first = _over(text, first, -1)
     colon = at + 1
     while text[colon] != ":":
         colon = _over(text, colon, 1)
     last = colon + 1
-    while not _is_bound(text, last, _OPENING, _CLOSING):
+    while not _is_bound(text, last, _CLOSING):
         last = _over(text, last, 1)
     condition, yes, no = (
         " ".join(part.split())
@@ -293,7 +293,7 @@ def _select(text: str, at: int) -> str:
     return f"{text[: first + 1]}{space}{word}{chosen}{text[last:]}"
 
 
-def _is_bound(text: str, at: int, over: str, until: str) -> bool:
+def _is_bound(text: str, at: int, until: str) -> bool:
     """Tell whether an expression ends before a letter, which lies in no brackets of its own."""
     if not 0 <= at < len(text):
         return True

@@ -18,7 +18,6 @@ from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
 from shrm_cli.records import record
 from shrm_cli.sphere.cube import face_axes
-from shrm_cli.vocabulary import Sampling
 
 MAX_LAYERS = 256
 """The most layers of an array: every WebGL2 takes so many."""
@@ -115,7 +114,7 @@ def _arranged(stacks: Sequence[tuple[int, int]], width: int, height: int) -> Pag
     return Pages(width, height, layers, tuple(runs[index] for index in range(len(stacks))))
 
 
-def with_rims(stack: Array, sampling: Sampling) -> Array:
+def with_rims(stack: Array) -> Array:
     """Put a rim of one texel around the faces of cubes, shape (6, N+2, N+2, K, 3).
 
     `stack`, of shape (6N, N, K, 3), holds cubes in OpenEXR's orientation. Border-sampled faces hold
@@ -150,7 +149,7 @@ def with_rims(stack: Array, sampling: Sampling) -> Array:
     return result
 
 
-def drawn(pages: Pages, stacks: Sequence[Array], sampling: Sampling) -> Array:
+def drawn(pages: Pages, stacks: Sequence[Array]) -> Array:
     """Draw cubes where they lie.
 
     `stacks` are each of shape (6N, N, K, 3).
@@ -160,7 +159,7 @@ def drawn(pages: Pages, stacks: Sequence[Array], sampling: Sampling) -> Array:
     """
     result = np.zeros((pages.layers, pages.height, pages.width, 3), dtype=np.float32)
     for run, stack in zip(pages.runs, stacks, strict=True):
-        faces = with_rims(stack, sampling)
+        faces = with_rims(stack)
         for cube in range(run.count):
             layer, left, top = run.corner(cube)
             for face in range(6):

@@ -22,7 +22,13 @@ from shrm_cli.maps.kinds import CentralMap
 from shrm_cli.maps.options import checked_order_p
 from shrm_cli.maps.size import check_size, choose_size
 from shrm_cli.records import record
-from shrm_cli.sphere.cube import CubeSampler, cube_solid_angles, nearest_texels, texel_directions
+from shrm_cli.sphere.cube import (
+    CubeSampler,
+    cube_solid_angles,
+    nearest_texels,
+    texel_directions,
+    texel_solid_angles,
+)
 from shrm_cli.sphere.directions import bisector, central_directions, local_frame, to_angles
 from shrm_cli.sphere.harmonics import degrees, harmonic_planes, order_of, real_harmonics
 from shrm_cli.sphere.synthesis import synthesize_cube
@@ -152,7 +158,7 @@ class Shrm(CentralMap):
         if order_p is None or order_p >= self.order_p:
             return self
         kept = (order_p + 1) ** 2
-        texels = np.tile(cube_solid_angles(self.size, self.sampling), (6, 1))
+        texels = texel_solid_angles(self.size, self.sampling)
         energy = np.einsum("ijkc,ijkc,ij->k", self.coefficients, self.coefficients, texels)
         lost = float(np.sqrt(energy[kept:].sum() / energy.sum())) if energy.sum() > 0 else 0.0
         info = replace(self.info.adding(lost), order_p=order_p)

@@ -15,7 +15,7 @@ from shrm_cli.maps.kinds import ReflectionMap
 from shrm_cli.maps.shrm.shrm import CompressedShrm, Shrm
 from shrm_cli.maps.size import look_up_error
 from shrm_cli.records import record
-from shrm_cli.sphere.cube import cube_solid_angles
+from shrm_cli.sphere.cube import texel_solid_angles
 from shrm_cli.sphere.directions import bisector
 from shrm_cli.vocabulary import Frame, Sampling
 
@@ -27,7 +27,7 @@ def rms(term: Shrm | CompressedShrm) -> float:
     its components have the energy of its coefficients.
     """
     (plane,) = term.planes()
-    texels = np.tile(cube_solid_angles(term.size, term.sampling), (6, 1))
+    texels = texel_solid_angles(term.size, term.sampling)
     energy = np.einsum("ijk,ijk,ij->", plane, plane, texels, dtype=float)
     return float(np.sqrt(energy / 3) / (4 * np.pi))
 

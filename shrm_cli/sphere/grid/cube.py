@@ -24,11 +24,10 @@ class Cube(Grid):
         return cube.cube_directions(self.size, self.sampling)
 
     def weights(self, start: int = 0, stop: int | None = None) -> Array:
-        angles = cube.cube_solid_angles(self.size, self.sampling)
         first, last, _ = slice(start, stop).indices(6 * self.size)
         if first % self.size == 0 and last - first == self.size:
-            return angles
-        return np.tile(angles, (6, 1))[first:last]
+            return cube.cube_solid_angles(self.size, self.sampling)
+        return cube.texel_solid_angles(self.size, self.sampling)[first:last]
 
     def points(self, rows: Indices, down: Array, across: Array) -> tuple[Array, Array]:
         right, below, forward = np.moveaxis(cube.face_axes()[rows // self.size], -2, 0)

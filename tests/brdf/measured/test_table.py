@@ -478,6 +478,17 @@ def test_bad_images(tmp_path, pixels, text, what):
     refused(save_exr(tmp_path / "bad.exr", pixels.astype(np.float32), text), what)
 
 
+def test_axes_end_where_they_may_but_for_rounding(tmp_path):
+    for beyond, is_sound in ((0.8e-6, True), (1.3e-6, False)):
+        axes = {"theta_h": [0, 0.1, 0.5, 1], "theta_d": [-beyond, 1, np.pi / 2 + beyond],
+                "phi_d": [0, 1, 2, 3, np.pi + beyond]}  # fmt: skip
+        path = save_exr(tmp_path / "t.exr", ONES, described(axes=axes))
+        if is_sound:
+            assert Table.open(path).table.shape == (4, 3, 5, 1)
+        else:
+            refused(path, "give radians, 0 .. ")
+
+
 def test_images_of_others_are_read(tmp_path):
     found = Table.open(save_exr(tmp_path / "t.exr", ONES, described()))
     assert found.table.shape == (4, 3, 5, 1)

@@ -10,7 +10,7 @@ from shrm_cli.maps.explicit.prefilter import prefilter_angular, prefilter_explic
 from shrm_cli.maps.request import Request
 from shrm_cli.probe.open import open_probe
 from shrm_cli.probe.probe import Probe
-from shrm_cli.sphere.cube import cube_solid_angles
+from shrm_cli.sphere.cube import cube_solid_angles, texel_solid_angles
 from tests import oracles
 from tests.cli.helpers import polynomial_light, write_exr
 from tests.maps.shrm.test_predicted_error import reduced
@@ -21,7 +21,7 @@ VIEWS = {"cabral": {}, "kautz-mccool": {"slices": 15}, "lightfield": {"views": 5
 
 def relative(found, expected):
     """RMS over views, texels and channels, by solid angle, over that of what is expected."""
-    texels = np.tile(cube_solid_angles(found.size), (6, 1))[..., None]
+    texels = texel_solid_angles(found.size)[..., None]
     weights = found.view_weights(found.count)[:, None, None, None] * texels
     error = np.sum(weights * (found.images - expected.images) ** 2)
     return np.sqrt(error / np.sum(weights * expected.images**2))

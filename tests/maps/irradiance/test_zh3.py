@@ -152,6 +152,15 @@ def test_guess_of_a_lamp():
     assert counts == [4, 5]
 
 
+@pytest.mark.parametrize("form", FORMS)
+def test_light_from_a_side_has_an_axis_unless_that_is_rounding(form):
+    for part, length in ((1.5e-6, 1), (0.7e-6, 0)):
+        series = np.zeros((9, 3))
+        series[0], series[2] = 2.0, 2.0 * part
+        made = in_form(Irradiance(series, MapInfo(2, 0, 0.0, 1.0, 0.0)), form)
+        np.testing.assert_allclose(np.linalg.norm(made.axes, axis=1), length)
+
+
 def test_light_without_a_side():
     """Nothing tells an axis, and nothing is added."""
     made = prefilter(Probe.from_array(np.ones((8, 16, 3))), form="zh3").map

@@ -134,6 +134,8 @@ def test_a_lamp_of_one_color_leaves_few_spots_that_lack_it(texture, points):
     assert black(plain @ LUMINANCE, points) < 0.5 * black(plain, points)
     assert black(plain, points) > 2 * ALLOWED
     assert black(shown, points) <= 1.5 * ALLOWED
+    # What is told is why there is a window: red lacks in more than is black.
+    assert window.spots == pytest.approx(black(plain, points), rel=0.5)
 
 
 def test_hair_around_the_vertical_has_few_spots():
@@ -162,6 +164,7 @@ def test_what_it_costs_is_measured(texture, points):
         scale = np.maximum(np.maximum(before, after), 0.02 * before.mean())
         relative = np.abs(after - before) / scale
         assert window.p95_change == pytest.approx(np.quantile(relative, 0.95), rel=0.3), spec
+        assert window.spots == pytest.approx(black(light, points), rel=0.5), spec
     assert product_window("none", texture, series).change == 0
 
 

@@ -53,7 +53,7 @@ def test_what_does_not_fit_is_refused(stacks):
 def test_faces_and_rims_lie_where_they_are_said_to_lie(rng, size):
     """The rims are those of an oracle that walks over the edges."""
     stack = rng.normal(size=(6 * size, size, 2, 3))
-    found = drawn(arrange([(2, size)]), [stack], "center")
+    found = drawn(arrange([(2, size)]), [stack])
     wide = Bilinear(stack.reshape(6 * size, size, 6)).wide.reshape(6, size + 2, size + 2, 2, 3)
     for face in range(6):
         left, top = face // 2 * (size + 2), face % 2 * (size + 2)
