@@ -119,7 +119,7 @@ def share_of_points(
         share = float(np.sum(shares, where=bad > 1))
         if look_ups is not None:
             # These take long, too, and change little.
-            drawn, stand_for = _drawn(shares.ravel(), bad.ravel())
+            drawn, stand_for = _drawn(shares.ravel(), bad.ravel(), _LOOK_UPS // len(at.surfaces))
             places = _places(tuple(axis.ravel()[drawn] for axis in points), each, apart)
             seen, wrong = seen.ravel()[drawn], wrong.ravel()[drawn]
             lost = look_ups.lost_at(at, places, lighting)
@@ -156,18 +156,18 @@ def _some_points(shares: Array, most: int | None) -> tuple[Points, Array]:
     return points, shares[points]
 
 
-def _drawn(shares: Array, bad: Array) -> tuple[Indices, Array]:
+def _drawn(shares: Array, bad: Array, count: int) -> tuple[Indices, Array]:
     """Draw points for look-ups, more of them where these may decide whether a pixel is wrong.
 
     `shares` are the parts of all pixels that points stand for, and `bad` is how wrong they are
     without look-ups, 1 where they are just wrong; both of shape (n,).
 
-    Returns the indices of some, and what each of them stands for, shape (`_POINTS_BESIDE`,).
+    Returns the indices of some, and what each of them stands for, shape (count,).
     """
     density = shares * np.where((bad > 1 / _NEAR) & (bad < _NEAR), _MORE, 1.0)
     sums = np.cumsum(density)
-    step = float(sums[-1]) / _POINTS_BESIDE
-    found = np.searchsorted(sums, step * (np.arange(_POINTS_BESIDE) + 0.5))
+    step = float(sums[-1]) / count
+    found = np.searchsorted(sums, step * (np.arange(count) + 0.5))
     return found, step * shares[found] / density[found]
 
 
@@ -267,9 +267,12 @@ _LOOKED_UP = 0.1
 """The error of look-ups, in units of that of functions and orders, from which it shows. With a half
 4.6 % wrong pixels were predicted of `charlie` in a studio, and an engine showed 7.6 %."""
 _POINTS_BESIDE = 3840
-"""The number of points at which lamps are integrated, and look-ups made, on all surfaces together,
-as long as all points count alike."""
-_NEAR, _MORE = 3.0, 10.0
+"""The number of points at which lamps are integrated, on all surfaces together, as long as all
+points count alike."""
+_LOOK_UPS = 7680
+"""The number of points at which look-ups are made, on all surfaces together. Of 3,840 that are
+drawn evenly 2.4 to 3.5 % are wrong of `oren-nayar` at night, of these 2.7 to 2.9 %."""
+_NEAR, _MORE = 3.0, 4.0
 """Points that are wrong by a third to three times of what shows are drawn so many times as often
 for look-ups."""
 _PAIRS = 4096
