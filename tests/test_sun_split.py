@@ -93,7 +93,7 @@ def test_no_table_is_made_that_does_not_fit():
 def test_no_shrm_loses_the_bytes_that_lamps_beside_a_map_win(monkeypatch):
     """It may take the place of a map of functions, but not with more bytes than are worth it."""
     light = probe()
-    request = Request.of("auto", {"brdf": "oren-nayar:sigma=0.3"}, light)
+    request = Request.of("auto", {"brdf": "oren-nayar:sigma=0.25"}, light)
     made = [
         automatic._Choice(Forms(light, request, most_simple=most)).make() for most in (1e9, 1e4)
     ]

@@ -111,7 +111,6 @@ def render(
     from shrm_cli.files.animation import is_animated
     from shrm_cli.files.image import file_type
     from shrm_cli.render.drawing import Film
-    from shrm_cli.render.moving import told_of_rest
     from shrm_cli.rooms.grid import as_grid
 
     if not (maps or transfer):
@@ -142,14 +141,13 @@ def render(
     film = Film(drawing, shown, [*map(map_stem, lit.names)], exposure or 0.0, skies, columns)
     given = values | {"view": view, "vary": ways, "background": background, "probe": probe}
     with progress_bar("rendering") as progress:
-        film, images, doubts = _exposed(film, targets[0], exposure, progress)
+        film, images, doubts = _exposed(film, pattern, targets[0], exposure, progress)
         settings = _settings(lit, film, steps, given | {"window": window})
         if is_animated(pattern):
             written, lines = _write_animation(film, images, pattern, view[0], fps, max_memory)
         else:
             written, lines = _write_pictures(film, images, targets, precision, settings)
     told += [line for each in probes.values() for line in each.warnings()]
-    told += [f"{pattern}: {line}" for line in told_of_rest(shown)]
     lines += _of_surfaces(mesh, drawing, lit.maps, values)
     lines += options.told_of_exposure(exposure, film.exposure)
     conclude({"files": written, **settings}, lines, drawing.warnings + doubts + told)
@@ -266,13 +264,15 @@ def _on_mesh(
 
 
 def _exposed(
-    film: Film, path: str, asked: float | None, progress: Progress | None
+    film: Film, pattern: str, path: str, asked: float | None, progress: Progress | None
 ) -> tuple[Film, Iterator[Picture], list[str]]:
-    """Return the film and its pictures, and which exposure would show those that show nothing.
+    """Return the film and its pictures, which exposure would show those that show nothing, and
+    whether nothing moves.
 
     The first picture tells which exposure shows something, unless one is asked for.
     """
     from shrm_cli.render.image import exposure_advice, shown_at
+    from shrm_cli.render.moving import told_of_rest
 
     drawn = film.tiles(progress)
     tiles = next(drawn)
@@ -283,6 +283,7 @@ def _exposed(
         for label, part in film.parts(first)
         for line in exposure_advice(path, part, film.exposure, label)
     ]
+    doubts += [f"{pattern}: {line}" for line in told_of_rest(film.moments)]
     return film, chain([first], map(film.put_together, drawn)), doubts
 
 

@@ -22,6 +22,7 @@ and a few steps do.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache, cached_property, partial
 
 import numpy as np
@@ -328,7 +329,7 @@ class LitDiscs:
         """How each of them is integrated: as the largest of about its size needs it.
 
         A lamp of many discs has a large one, and small ones for its rim. These need a tenth of the
-        steps.
+        steps. Beyond reach all take as many, as in shaders.
         """
         radii = np.array([disc.radius for disc in self.discs])
         # A rule for each octave would take longer to find than its steps save.
@@ -341,7 +342,8 @@ class LitDiscs:
             return remembered(self.brdf, ("disc rule", radius), make)
 
         found = {radius: rule(radius) for radius in set(largest)}
-        return tuple(found[radius] for radius in largest)
+        few = max(each.few for each in found.values())
+        return tuple(replace(found[radius], few=few) for radius in largest)
 
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
         """Return what is reflected; parameters and result are those of `Map.radiance`."""

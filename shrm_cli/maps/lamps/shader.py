@@ -181,7 +181,7 @@ def _lamps(lamps: LitDiscs, language: Language) -> list[str]:
     is_brushed = not lamps.brdf.isotropic
     radii = np.array([disc.radius for disc in discs])
     # What is beyond reach takes the first steps of the tables.
-    few = sorted(rule.few for rule in rules if rule.reach < math.pi)[-1:]
+    few = [rules[0].few] if any(rule.reach < math.pi for rule in rules) else []
     steps = [*few, *sorted({rule.steps for rule in rules}.difference(few))]
     places = np.array([steps.index(rule.steps) for rule in rules])
     skipped = np.append(0, np.cumsum(steps))[places]
