@@ -104,56 +104,57 @@ def share_of_points(
     parts, found = np.broadcast_to(at.parts, at.views.shape[:-1])[::apart], []
     by_view = sample_views(at.center, error.shape[1])[1]
     for each in at.surfaces:
-        seen, wrong = (np.broadcast_to(values, parts.shape)[..., each] for values in (whole, error))
-        shares: Array = parts[..., each] * by_view[:, None]
-        points: Points = tuple(np.indices(shares.shape))
+        own = parts[..., each]
+        seen, wrong = (
+            np.broadcast_to(values, parts.shape)[..., each].ravel() for values in (whole, error)
+        )
+        shares: Array = (own * by_view[:, None]).ravel()
+        some = np.arange(len(shares))
         if lamps is not None:
             # They take long, so that they are known of some points.
-            are_alike, most = np.ptp(parts[..., each]) == 0, _POINTS_BESIDE // len(at.surfaces)
-            points, shares = _some_points(shares, most if are_alike else None)
-            places = _places(points, each, apart)
-            seen = seen[points] + lamps.lit.seen_at(at, places)
-            wrong = wrong[points] + lamps.wrong_at(at, places)
+            some = _some_points(own, _POINTS_BESIDE // len(at.surfaces))
+            places = _places(some, own.shape, each, apart)
+            shares = shares[some]
+            seen = seen[some] + lamps.lit.seen_at(at, places)
+            wrong = wrong[some] + lamps.wrong_at(at, places)
         shares = shares / float(shares.sum())
         bad = badness(seen, wrong)
         share = float(np.sum(shares, where=bad > 1))
         if look_ups is not None:
             # These take long, too, and change little.
-            drawn, stand_for = _drawn(shares.ravel(), bad.ravel(), _LOOK_UPS // len(at.surfaces))
-            places = _places(tuple(axis.ravel()[drawn] for axis in points), each, apart)
-            seen, wrong = seen.ravel()[drawn], wrong.ravel()[drawn]
+            drawn, stand_for = _drawn(shares, bad, _LOOK_UPS // len(at.surfaces))
+            places = _places(some[drawn], own.shape, each, apart)
             lost = look_ups.lost_at(at, places, lighting)
-            more = 1.0 * (badness(seen, wrong + lost) > 1) - (badness(seen, wrong) > 1)
+            more = 1.0 * (badness(seen[drawn], wrong[drawn] + lost) > 1) - (bad[drawn] > 1)
             share = min(max(share + float(more @ stand_for), 0.0), 1.0)
         found.append(share)
     return max(found)
 
 
-def _places(points: Points, surface: slice, apart: int) -> Points:
-    """Return where points of a surface stand among the pixels, of which so many are apart."""
-    direction, view, azimuth = points
+def _places(some: Indices, shape: tuple[int, ...], surface: slice, apart: int) -> Points:
+    """Return where points of a surface stand among the pixels, whose directions are so many apart.
+
+    `some` are their indices among all points of the surface, which are of a `shape`.
+    """
+    direction, view, azimuth = np.unravel_index(some, shape)
     return direction * apart, view, azimuth + (surface.start or 0)
 
 
-def _some_points(shares: Array, most: int | None) -> tuple[Points, Array]:
-    """Return some of the points of a surface, and their shares of those of all.
+def _some_points(parts: Array, most: int) -> Indices:
+    """Return the indices of some points of a surface, of which `parts` are those of `Pixels`.
 
     Where all azimuths count alike there are `most` of them: each direction has a few of the views,
     at one azimuth, which stands for all of them. Where tangents are horizontal, most points have
     hardly any normals, and the few others are all taken: of every sixth of the views 4.5 % seemed
     wrong of gold under a sunrise, and 6 % were.
     """
-    points: Points
-    if most is None:
-        points = np.nonzero(shares)
-        return points, shares[points]
-    directions, views, azimuths = shares.shape
+    if np.ptp(parts) > 0:
+        return np.flatnonzero(parts)
+    directions, views, azimuths = parts.shape
     direction = np.arange(0, directions, max(directions // most, 1))[:, None]
     count = max(most // directions, 1)
     view = np.arange(count) * (views // count) + direction % (views // count)
-    direction, view = np.broadcast_arrays(direction, view)
-    points = direction, view, (direction + view) % azimuths
-    return points, shares[points]
+    return np.ravel((direction * views + view) * azimuths + (direction + view) % azimuths)
 
 
 def _drawn(shares: Array, bad: Array, count: int) -> tuple[Indices, Array]:

@@ -133,7 +133,7 @@ class DiscRule:
         good = (n for n in _SIZES if misses(values(n, axes)) <= exact)
         steps = next(good, _SIZES[-1])
         reach = _REACH * (width + radius)
-        if reach > _MOST_REACH:
+        if steps == _SIZES[0] or reach > _MOST_REACH:
             return cls(width, steps)
         far = _beside(brdf, normals, views, np.minimum(reach * np.array(_BEYOND), np.pi))
         # Some BRDFs have a second peak towards the view.

@@ -209,7 +209,7 @@ def _lamps(lamps: LitDiscs, language: Language) -> list[str]:
         "CUT": _CUT if cuts else "",
         "REACHED": _REACH if few else "",
         "FIRST": " past = 0;" if cuts else "",
-        "FEW": str(*few),
+        "FEW": str(rules[0].few),
         "MORE": str(MORE),
         "WIDTH": language.number(rules[0].width),
         "LEAST": language.number(LEAST_COSINE),
