@@ -36,7 +36,7 @@ def contact(probe, tmp_path_factory):
     """The page of a dozen maps, which is wider than a telephone."""
     folder = tmp_path_factory.mktemp("contact")
     for exponent in range(2, 14):
-        made = prefilter(probe, f"phong:exponent={exponent}", size=8)
+        made = prefilter(probe, f"phong:exponent={exponent}")
         made.save(folder / f"{exponent}.exr")
     files = [str(path) for path in sorted(folder.glob("*.exr"))]
     path = folder / "index.html"
