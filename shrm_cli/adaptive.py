@@ -113,18 +113,19 @@ class Points:
             cells = cells[(axes @ level.directions[cells].T).max(axis=0) >= limits]
         return cells
 
-    def near_core(self, directions: Array, radii: Array, part: float = PART) -> NDArray[np.bool_]:
-        """Which cells are larger than a part of the core of a point's lobe, where it may be.
+    def near_core(self, cosines: Array, radii: Array, part: float = PART) -> NDArray[np.bool_]:
+        """Which cells are larger than a part of the core of a lobe, where it may be.
 
-        Returns an array of shape (points, m).
+        `cosines`, of shape (..., m), are those of the centroids with central directions.
+
+        Returns an array of shape (..., m).
         """
         least, reach = part * self.core[0], self.core[1]
-        near = np.zeros((len(self.centers), len(radii)), dtype=bool)
-        large = radii > least
-        if large.any():
-            cosines = self.centers @ directions[large].T
-            beyond = np.arccos(np.clip(cosines, -1, 1)) - radii[large] - reach
-            near[:, large] = radii[large] > least + _GRADING * np.maximum(beyond, 0)
+        near = np.zeros(cosines.shape, dtype=bool)
+        large = np.flatnonzero(radii > least)
+        angles = np.arccos(np.clip(cosines[..., large], -1, 1))
+        beyond = np.maximum(angles - radii[large] - reach, 0)
+        near[..., large] = radii[large] > least + _GRADING * beyond
         return near
 
     def of_pixels(
@@ -133,6 +134,8 @@ class Points:
     ) -> Array:  # fmt: skip
         """Sum the light of pixels, shape (points, 3), of known values at their middles.
 
+        `cells` are the pixels, in the order of `quarters`.
+
         Those that are large beside the core of the lobe of a point, or cross the edge of its cap,
         are cut into parts: if the point has enough of its luminance, `scale`, from theirs,
         `weights`; or if the transfer function is bent there, as it tells in the middle of four,
@@ -140,19 +143,21 @@ class Points:
         """
         directions, sides = pixels.directions[cells], pixel_sides(pixels, cells)
         radii = np.linalg.norm(sides, axis=-1).max(axis=-1) / 2
-        relative = np.abs(values).mean(axis=0) / scale[:, None]
-        is_heavy = relative * weights > _PIXEL_SHARE
-        large = self.near_core(directions, radii, _PIXEL_PART)
-        fours = values.reshape(*values.shape[:2], -1, 4)
-        bent = np.abs(fours.mean(axis=-1) - coarse).mean(axis=0) * _OWN_SPREAD / scale[:, None]
-        is_bent = np.repeat(bent, 4, axis=1) * weights > _BENT
-        large &= is_heavy | is_bent | (radii > _HIDING * self.core[0])
-        edge = self.on_edge(directions, radii, weights, relative, scale)
+        large = self.near_core(self.centers @ directions.T, radii, _PIXEL_PART)
+        some = np.flatnonzero(large.any(axis=0))
+        own, fours = values[..., some], some % coarse.shape[-1]
+        is_heavy = _relative(own, scale) * weights[some] > _PIXEL_SHARE
+        bent = values.reshape(*values.shape[:2], 4, -1)[..., fours].mean(axis=2)
+        bent = _relative(bent - coarse[..., fours], scale) * _OWN_SPREAD
+        is_bent = bent * weights[some] > _BENT
+        large[:, some] &= is_heavy | is_bent | (radii[some] > _HIDING * self.core[0])
+        edge = self.on_edge(directions, radii, weights, values, scale)
         light = pixels.light[cells]
         nodes = int(min(1 + np.ceil(radii.max() / (PART * self.core[0])), _MOST_NODES))
         total = self._over_pixels(edge, directions, sides, light, max(nodes, _EDGE_NODES))
         total += self._over_pixels(large & ~edge, directions, sides, light, nodes)
-        return total + _sums(np.where(large | edge, 0, values), light)
+        cut = large | edge
+        return total + _sums(np.where(cut, 0, values) if cut.any() else values, light)
 
     def _over_pixels(
         self, cut: NDArray[np.bool_], directions: Array, sides: Array, light: Array, count: int
@@ -181,30 +186,30 @@ class Points:
         return total
 
     def on_edge(
-        self, directions: Array, radii: Array, weights: Array, relative: Array, scale: Array
+        self, directions: Array, radii: Array, weights: Array, values: Array, scale: Array
     ) -> NDArray[np.bool_]:
         """Which cells cross the edge of a cap, where the transfer function bends or jumps, and are
         large or may hold much of the light of a point, `scale`, by their luminance, `weights`.
 
-        `relative` is the transfer function at their centroids, shape (points, m), as parts of that
-        light. A dark one tells nothing, as a part of its cell may be lit: its inner side tells.
+        `values` are the transfer function at their centroids, shape (channels, points, m). A dark
+        one tells nothing, as a part of its cell may be lit: its inner side tells.
 
         Returns an array of shape (points, m).
         """
-        some = np.flatnonzero((radii > _EDGE) | (weights * relative.max() > _PIXEL_SHARE))
-        found = np.zeros(relative.shape, dtype=bool)
+        found = np.zeros(values.shape[1:], dtype=bool)
+        most = max(float(values.max()), -float(values.min())) / float(scale.min())
+        some = np.flatnonzero((radii > _EDGE) | (weights * most > _PIXEL_SHARE))
         for axes, angle in self.caps:
             cosines, sizes = axes @ directions[some].T, radii[some]
             inner, outer = np.maximum(angle - sizes, 0), np.minimum(angle + sizes, np.pi)
             crosses = (cosines > np.cos(outer)) & (cosines < np.cos(inner))
-            cells = crosses.any(axis=0)
-            crosses, cells = crosses[:, cells], some[cells]
-            if not len(cells):
-                continue
-            lit = normalize(directions[cells] + radii[cells, None] * axes.mean(axis=0))
-            shares = np.abs(self.transfer(lit)).mean(axis=0) / scale[:, None]
-            is_heavy = weights[cells] * np.maximum(shares, relative[:, cells]) > _PIXEL_SHARE
-            found[:, cells] |= crosses & (is_heavy | (radii[cells] > _EDGE))
+            small = np.flatnonzero(crosses.any(axis=0) & (sizes <= _EDGE))
+            if len(small):
+                cells = some[small]
+                lit = normalize(directions[cells] + radii[cells, None] * axes.mean(axis=0))
+                brighter = np.maximum(np.abs(self.transfer(lit)), np.abs(values[..., cells]))
+                crosses[:, small] &= _relative(brighter, scale) * weights[cells] > _PIXEL_SHARE
+            found[:, some] |= crosses
         return found
 
 
@@ -224,9 +229,9 @@ def adaptive_sums(pyramid: Pyramid, points: Points) -> tuple[Array, Array]:
         return total, np.zeros(len(total))
     sums, errors, left = np.zeros_like(total), np.zeros(len(total)), ALLOWED
     for above, level in zip(levels[:0:-1], levels[-2::-1], strict=True):
-        cells = (4 * parents[:, None] + np.arange(4)).ravel()
-        light = level.light[cells]
-        values = points.transfer(level.directions[cells])
+        cells = quarters(parents)
+        light, directions = level.light[cells], level.directions[cells]
+        values = points.transfer(directions)
         total += _sums(values, light) - _sums(coarse, above.light[parents])
         weights = np.abs(light) @ np.array(LUMINANCE, light.dtype)
         bright = np.abs(total) @ LUMINANCE + points.beside
@@ -234,53 +239,65 @@ def adaptive_sums(pyramid: Pyramid, points: Points) -> tuple[Array, Array]:
         if level is levels[0]:
             sums += points.of_pixels(level, cells, values, coarse, weights, scale)
             break
-        curvature, is_known = _curvature(above, level, parents, values, coarse, weights)
-        relative = (np.abs(curvature).mean(axis=0) / scale[:, None]).astype(light.dtype)
-        spread = level.spread[cells]
-        worst = np.repeat(relative.max(axis=0), 4) * spread
+        chords = directions.reshape(4, -1, 3) - above.directions[parents]
+        curvature, is_known = _curvature(chords, above.spread[parents], values, coarse, weights)
+        relative = _relative(curvature, scale).astype(light.dtype)
+        spread, radii = level.spread[cells], level.radii[cells]
+        worst = np.tile(relative.max(axis=0), 4) * spread
         order = np.argsort(worst, kind="stable")
         spent = np.cumsum(worst[order], dtype=float)
         cut = np.ones(len(cells), dtype=bool)
         cut[order[: np.searchsorted(spent, _SPENT * left, side="right")]] = False
-        shares = np.abs(values).mean(axis=0) / scale[:, None]
-        edge = points.on_edge(level.directions[cells], level.radii[cells], weights, shares, scale)
-        cut |= edge.any(axis=0)
-        cut |= ~np.repeat(is_known, 4)
+        cut |= points.on_edge(directions, radii, weights, values, scale).any(axis=0)
+        cut |= ~np.tile(is_known, 4)
         cut &= spread > 0
         # A pixel alone in the dark has no spread, and may be large beside the lobe all the same.
-        near = points.near_core(level.directions[cells], level.radii[cells])
-        cut |= near.any(axis=0) & (weights > 0)
-        done = np.flatnonzero(~cut)
-        left -= float(worst[done].sum(dtype=float))
-        bent = spread[done] / np.maximum(weights[done], _TINY)
-        sums += _sums(values[..., done] + curvature[..., done // 4] * bent, light[done])
-        errors += scale * (relative[:, done // 4] @ spread[done])
-        parents, coarse = cells[cut], values[..., cut]
+        nearest = (points.centers @ directions.T).max(axis=0)
+        cut |= points.near_core(nearest, radii) & (weights > 0)
+        left -= float(worst[~cut].sum(dtype=float))
+        light[cut], spread[cut] = 0, 0
+        bent = light * (spread / np.maximum(weights, _TINY))[:, None]
+        sums += _sums(values, light) + _sums(curvature, bent.reshape(4, -1, 3).sum(axis=0))
+        errors += scale * (relative @ spread.reshape(4, -1).sum(axis=0))
+        kept = np.flatnonzero(cut)
+        parents, coarse = cells[kept], values.take(kept, axis=-1)
         if not len(parents):
             break
     return sums, errors
 
 
+def quarters(parents: Indices) -> Indices:
+    """The quarters of cells: all first ones, then all second ones, and so on, so that arrays of
+    them are four of the shape of the cells', one after the other.
+    """
+    return (4 * parents + np.arange(4)[:, None]).ravel()
+
+
 def _curvature(
-    above: Level, level: Level, parents: Indices, values: Array, coarse: Array, weights: Array
+    chords: Array, spread: Array, values: Array, coarse: Array, weights: Array
 ) -> tuple[Array, NDArray[np.bool_]]:
     """How much T is curved over each parent, shape (channels, points, parents), and where that is
     known, (parents,).
 
     It is the mean of T over the quarters, by their luminance, less T at the centroid, over the mean
-    square of their distances. Where all light is in one quarter, the others tell nothing.
+    square of their distances, `chords`, shape (4, parents, 3). Where all light is in one quarter,
+    the others tell nothing of the `spread` of the parent.
     """
-    quarters = (4 * parents[:, None] + np.arange(4)).ravel()
-    chords = level.directions[quarters].reshape(-1, 4, 3) - above.directions[parents][:, None]
-    shares = weights.reshape(-1, 4)
-    squares = np.einsum("pq,pqc,pqc->p", shares, chords, chords)
-    is_known = squares > _TELLS * above.spread[parents]
-    shares = shares * (is_known / np.maximum(squares, _TINY))[:, None]
-    fours = values.reshape(*values.shape[:2], -1, 4)
-    found = (fours[..., 0] - coarse) * shares[:, 0]
+    shares = weights.reshape(4, -1)
+    squares = (shares * np.einsum("qpc,qpc->qp", chords, chords)).sum(axis=0)
+    is_known = squares > _TELLS * spread
+    shares = shares * (is_known / np.maximum(squares, _TINY))
+    fours = values.reshape(*values.shape[:2], 4, -1)
+    found = (fours[:, :, 0] - coarse) * shares[0]
     for quarter in range(1, 4):
-        found += (fours[..., quarter] - coarse) * shares[:, quarter]
+        found += (fours[:, :, quarter] - coarse) * shares[quarter]
     return found, is_known
+
+
+def _relative(values: Array, scale: Array) -> Array:
+    """The size of values, (channels, points, n), as parts of the light of points: (points, n)."""
+    sizes = np.abs(values)
+    return (sizes[0] if len(sizes) == 1 else sizes.mean(axis=0)) / scale[:, None]
 
 
 def _places(directions: Array, sides: Array, count: int) -> tuple[Array, Array]:

@@ -215,7 +215,7 @@ def test_pixels_are_cut_for_those_points_that_need_it(made, widths, nodes):
         centers[None], evaluate, [], centers, (width, 0.2), np.zeros(8, np.float32)
     )
     parents = np.flatnonzero((above.directions @ centers.T).max(axis=1) > np.cos(0.25))
-    cells = (4 * parents[:, None] + np.arange(4)).ravel()
+    cells = adaptive.quarters(parents)
     directions, light = level.directions[cells], level.light[cells]
     values, weights = points.transfer(directions), light @ LUMINANCE
     coarse = points.transfer(above.directions[parents])

@@ -91,14 +91,19 @@ def _draw_rows(
     # All samples go into one call, because a map contracts its coefficients with the view at
     # every call.
     sub_x, sub_y, weights = _rim_samples(x[rim], y[rim], radius)
+    counted = weights > 0
     normals = camera.sphere_normals(
-        viewer, np.concatenate([x[~rim], sub_x.ravel()]), np.concatenate([y[~rim], sub_y.ravel()])
+        viewer,
+        np.concatenate([x[~rim], sub_x[counted]]),
+        np.concatenate([y[~rim], sub_y[counted]]),
     )
     values = reflecting.radiance(normals, viewer.direction)
-    inside = len(values) - sub_x.size
+    inside = np.count_nonzero(~rim)
+    samples = np.zeros((*sub_x.shape, 3))
+    samples[counted] = values[inside:]
     sphere = np.empty((len(x), 3))
     sphere[~rim] = values[:inside]
-    sphere[rim] = np.einsum("nk,nkc->nc", weights, values[inside:].reshape(*sub_x.shape, 3))
+    sphere[rim] = np.einsum("nk,nkc->nc", weights, samples)
     rows = picture[start:stop]  # a view, so that the picture itself changes
     alpha = coverage[:, None]
     rows[covered] = alpha * sphere + (1 - alpha) * rows[covered]
