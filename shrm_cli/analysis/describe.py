@@ -17,6 +17,7 @@ from shrm_cli.maps.shader.file import read_layers_facts
 from shrm_cli.probe.open import open_probe
 from shrm_cli.probe.options import ReadOptions
 from shrm_cli.records import record
+from shrm_cli.rooms.export import read_grid_facts
 from shrm_cli.rooms.grid import is_grid, read_grid
 from shrm_cli.transfer.file import is_transfer, read_baked_facts, read_transfer
 from shrm_cli.vocabulary import MESH_SUFFIXES
@@ -76,6 +77,9 @@ def describe(
     if (textures := read_layers_facts(name)) is not None:
         facts_of = {"kind": "textures of --shader", **textures}
         return Description("holds the textures of a map", facts_of)
+    if (grid := read_grid_facts(name)) is not None:
+        facts_of = {"kind": "grid of probes, as a picture of coefficients", **grid}
+        return Description("is a grid of probes", facts_of)
     if (texture := read_ktx2_facts(name)) is not None:
         return Description("is a texture", {"kind": "KTX 2 texture of engines", **texture})
     if is_measured_file(name):

@@ -7,14 +7,17 @@ the light of their neighbours first.
 import json
 import os
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
+from shrm_cli.errors import MeshError
 from shrm_cli.export.ktx import can_compress, ktx2
 from shrm_cli.export.pixels import FORMATS, encoded
-from shrm_cli.files.parts import Part, write_parts
+from shrm_cli.files.json_text import parse_json
+from shrm_cli.files.parts import Part, peek, write_parts
 from shrm_cli.files.whole import write_bytes
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
 from shrm_cli.maps.irradiance.window import least_window
@@ -24,6 +27,8 @@ from shrm_cli.sphere.quadrature import spiral_directions
 
 _SIDES = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], float)
 """Bevy's ambient cubes: +X and -X, +Y and -Y, +Z and -Z."""
+_FACTS = "shrm:grid"
+"""The attribute of a picture of coefficients that says which grid they are of."""
 _THREE_ORDER = 2
 _TRIED = 128
 """Normals for which irradiance is looked at before a window is sought."""
@@ -125,7 +130,22 @@ def as_part(grid: ProbeGrid, direct: bool) -> Part:
         "order": order_of(light.shape[-2]),
     }
     channels = {name: rows[..., k] for k, name in enumerate("RGB")}
-    return Part(channels, {"shrm:grid": json.dumps(facts)})
+    return Part(channels, {_FACTS: json.dumps(facts)})
+
+
+def read_grid_facts(path: str | os.PathLike[str]) -> dict[str, Any] | None:
+    """Return what a picture of `as_part` says of its grid; None if the file is anything else."""
+    found = peek(path)
+    if found is None or not (text := found.first.text(_FACTS)):
+        return None
+    try:
+        facts = parse_json(text)
+        shape, low, high = (facts[name] for name in ("resolution", "min", "max"))
+        return {"shape": [*shape], "low": [*low], "high": [*high], "order": int(facts["order"])}
+    except (ValueError, TypeError, KeyError):
+        raise MeshError(
+            f"{found.first.path}: its attribute {_FACTS} is wrong; make the grid again"
+        ) from None
 
 
 WRITERS: dict[str, Callable[[str | os.PathLike[str], ProbeGrid, bool], object]] = {

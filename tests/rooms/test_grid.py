@@ -8,8 +8,10 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
+from shrm_cli.analysis.describe import describe
 from shrm_cli.errors import MeshError, ShrmError, ShrmWarning
 from shrm_cli.export.ktx import can_compress
+from shrm_cli.files.parts import Part, write_parts
 from shrm_cli.rooms import export
 from shrm_cli.rooms.grid import (
     EDGE,
@@ -260,6 +262,19 @@ def test_pictures_have_a_row_of_probes_a_line(tmp_path):
     light = (grid.reflected + grid.direct).reshape(nx, ny, nz, 9, 3)
     np.testing.assert_allclose(pixels[5, 3, 1, 2], light[2, 1, 3, 5], rtol=1e-6)
     assert facts["order"] == 2
+    said = describe(tmp_path / "a.exr")
+    assert said.what == "is a grid of probes"
+    assert [said.facts[name] for name in ("shape", "low", "high", "order")] == [
+        [nx, ny, nz], facts["min"], facts["max"], 2,
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("said", ["{", "[1]", '{"resolution": 3, "min": 0, "max": 1, "order": 2}'])
+def test_a_picture_of_a_grid_whose_header_is_wrong_is_told(tmp_path, said):
+    pixels = {name: np.zeros((4, 4), np.float32) for name in "RGB"}
+    write_parts(tmp_path / "a.exr", [Part(pixels, {"shrm:grid": said})], "float")
+    with pytest.raises(MeshError, match="shrm:grid is wrong"):
+        describe(tmp_path / "a.exr")
 
 
 def test_probes_within_walls_get_their_neighbours_light():
