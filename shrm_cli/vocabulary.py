@@ -54,9 +54,9 @@ LAWS: tuple[str, ...] = get_args(Law)
 
 REPRESENTATIONS: dict[str, str] = {
     "shrm": "shrm.shrm",
-    "cabral": "explicit.cabral",
-    "kautz-mccool": "explicit.kautz_mccool",
-    "lightfield": "explicit.light_field",
+    "cabral": "explicit.views",
+    "kautz-mccool": "explicit.views",
+    "lightfield": "explicit.views",
     "principal": "principal.principal",
     "irradiance": "irradiance.irradiance",
     "splitsum": "splitsum.split_sum",
