@@ -20,8 +20,7 @@ from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.brdf.transfer import compute_coefficients
 from shrm_cli.files.image import write_picture
 from shrm_cli.maps.base import Map
-from shrm_cli.maps.explicit.cabral import Cabral
-from shrm_cli.maps.explicit.kautz_mccool import KautzMcCool
+from shrm_cli.maps.explicit.views import Cabral, KautzMcCool
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.probe.lighting import Lighting, project

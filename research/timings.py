@@ -16,7 +16,7 @@ from shrm_cli.arrays import Memo
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.brdf.transfer import compute_coefficients
 from shrm_cli.maps.explicit.explicit import ExplicitMap
-from shrm_cli.maps.explicit.light_field import LightField
+from shrm_cli.maps.explicit.views import LightField
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.orders import choose_orders

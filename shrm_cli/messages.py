@@ -37,6 +37,11 @@ def as_keys(message: object) -> str:
     )
 
 
+def printable(text: str) -> str:
+    """Return a text with question marks for what cannot be printed, such as line breaks."""
+    return "".join(each if each.isprintable() else "?" for each in text)
+
+
 def short_repr(value: object) -> str:
     """Return a value as messages show it: in one line, and not for long."""
     return f"{' '.join(repr(value).split()):.80}"

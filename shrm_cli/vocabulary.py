@@ -54,9 +54,9 @@ LAWS: tuple[str, ...] = get_args(Law)
 
 REPRESENTATIONS: dict[str, str] = {
     "shrm": "shrm.shrm",
-    "cabral": "explicit.cabral",
-    "kautz-mccool": "explicit.kautz_mccool",
-    "lightfield": "explicit.light_field",
+    "cabral": "explicit.views",
+    "kautz-mccool": "explicit.views",
+    "lightfield": "explicit.views",
     "principal": "principal.principal",
     "irradiance": "irradiance.irradiance",
     "splitsum": "splitsum.split_sum",
@@ -209,6 +209,8 @@ LAMP_COUNT = 8
 DIMMED_WIDTHS = 1e-3, 180.0
 """The least and the most width of light that is dimmed about a direction, degrees: a hundredth of
 the least is lost in the rounding of cosines."""
+LARGEST_COORDINATE = 1e30
+"""That of meshes and places, so that products of three are finite."""
 MOST_DEGREES = 1e6
 """The largest angle of what is turned: of much larger ones rounding leaves no digit."""
 LIGHT_ENGINES = ("three", "filament", "bevy", "godot", "blender", "gltf")

@@ -387,7 +387,7 @@ def forms_asked_for(tree, imported):
     ],
 )
 def test_the_parser_finds_forms_that_are_asked_for(text, expected):
-    imported = {"shrm_cli.maps.explicit.cabral.Cabral", "shrm_cli.maps.kinds.LightMap"}
+    imported = {"shrm_cli.maps.explicit.views.Cabral", "shrm_cli.maps.kinds.LightMap"}
     assert forms_asked_for(ast.parse(text), imported) == expected
 
 

@@ -14,9 +14,9 @@ from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.files.image import Picture
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.irradiance.window import make_window
+from shrm_cli.maps.product.prefilter import product_table
 from shrm_cli.maps.product.product import ProductTexture, VaryingProduct
 from shrm_cli.maps.product.steps import Steps
-from shrm_cli.maps.product.table import product_table
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.probe import Probe
 from shrm_cli.render.camera import Viewer

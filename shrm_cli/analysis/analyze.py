@@ -219,13 +219,11 @@ class OrderPictures:
     theorem, shape (P+1,)."""
     pictures: Picture
     """Linear, premultiplied by the coverage of the sphere, shape (P+1, views, size, size, 3)."""
-    truth: Picture | None
+    truth: Picture
     """Exact pictures in the same form, shape (views, size, size, 3)."""
 
-    def error(self, order_p: int, view: int) -> float | None:
-        """Return the relative RMS error over the sphere; None if the truth is not known."""
-        if self.truth is None:
-            return None
+    def error(self, order_p: int, view: int) -> float:
+        """Return the relative RMS error over the sphere."""
         return measure(self.pictures[order_p, view], self.truth[view]).relative_rmse
 
     def exposure(self) -> float:
@@ -233,8 +231,7 @@ class OrderPictures:
 
         They are 0 if all spheres are black.
         """
-        values = self.pictures[-1] if self.truth is None else self.truth
-        shining = values.max(axis=-1)
+        shining = self.truth.max(axis=-1)
         shining = shining[shining > 0]
         return float(np.round(-2 * np.log2(np.percentile(shining, 95))) / 2) if len(shining) else 0
 
@@ -251,20 +248,18 @@ class OrderPictures:
         for view, viewer in enumerate(self.views):
             tiles += list(self.pictures[:, view])
             labels += [f"P = {p}: {part:.1%}" for p, part in enumerate(self.captured)]
-            if self.truth is not None:
-                differences = np.abs(self.pictures[:, view] - self.truth[view])
-                nothing = np.full_like(differences[0], PAPER * 2.0**-exposure)
-                tiles += [self.truth[view], *differences, nothing]
-                errors = [f"error {self.error(p, view):.1%}" for p in range(orders)]
-                labels += [f"exact {viewer.azimuth:.4g},{viewer.elevation:.4g}", *errors, ""]
-        known = self.truth is not None
-        layout = _pictures_layout(orders, len(self.views), self.pictures.shape[2], known)
+            differences = np.abs(self.pictures[:, view] - self.truth[view])
+            nothing = np.full_like(differences[0], PAPER * 2.0**-exposure)
+            tiles += [self.truth[view], *differences, nothing]
+            errors = [f"error {self.error(p, view):.1%}" for p in range(orders)]
+            labels += [f"exact {viewer.azimuth:.4g},{viewer.elevation:.4g}", *errors, ""]
+        layout = _pictures_layout(orders, len(self.views), self.pictures.shape[2])
         return draw_sheet(layout, [expose(tile, exposure) for tile in tiles], labels)
 
 
-def _pictures_layout(orders: int, views: int, size: int, truth: bool) -> SheetLayout:
-    columns, rows = orders + truth, views * (1 + truth)
-    return arrange(columns * rows, size, columns)
+def _pictures_layout(orders: int, views: int, size: int) -> SheetLayout:
+    columns = orders + 1
+    return arrange(columns * 2 * views, size, columns)
 
 
 def order_pictures(
@@ -274,7 +269,7 @@ def order_pictures(
     views: Sequence[Viewer],
     order_f: int,
     size: int,
-    truth: Reflecting | None = None,
+    truth: Reflecting,
     progress: Progress | None = None,
 ) -> OrderPictures:
     """Draw spheres for P = 0 .. 5 and for the truth (figure 5.6).
@@ -283,7 +278,7 @@ def order_pictures(
     `shrm_cli.reference.Reference`; `progress` is called with its views that are drawn, and all.
     """
     orders = range(min(PICTURE_ORDER_P, coefficients.order_p) + 1)
-    _pictures_layout(len(orders), len(views), size, truth is not None)
+    _pictures_layout(len(orders), len(views), size)  # it refuses a sheet that is too large
     check_size(order_f, orders[-1])
     captured = coefficients.captured[order_f, : len(orders)]
     errors = np.array([predicted_error(lighting, coefficients, order_f, p) for p in orders])
@@ -298,17 +293,14 @@ def order_pictures(
         replace(whole, coefficients=whole.coefficients[:, :, : (p + 1) ** 2], info=infos[p])
         for p in orders
     ]
-
-    def draw(one: Reflecting, progress: Progress | None = None) -> Picture:
-        drawn: list[Picture] = []
-        for view in views:
-            drawn.append(render_sphere(one, view, size))
-            tell(progress, len(drawn), len(views))
-        return np.stack(drawn)
-
-    exact = None if truth is None else draw(truth, progress)
-    pictures = np.stack([draw(one) for one in maps])
-    return OrderPictures(views, order_f, captured, errors, pictures, exact)
+    exact = []
+    for view in views:
+        exact.append(render_sphere(truth, view, size))
+        tell(progress, len(exact), len(views))
+    pictures = np.stack(
+        [np.stack([render_sphere(one, view, size) for view in views]) for one in maps]
+    )
+    return OrderPictures(views, order_f, captured, errors, pictures, np.stack(exact))
 
 
 TOLERANCES = (0.1, DEFAULT_EPS, 0.01)

@@ -180,7 +180,7 @@ class Truth:
         return float(error), seen_errors(found, truth).wrong_share
 
 
-def others_of(brdf: Brdf, missing: list[str] | None = None) -> list[tuple[str, Setting]]:
+def others_of(brdf: Brdf, missing: list[str]) -> list[tuple[str, Setting]]:
     """Return the maps of other forms that can hold a material: the forms, and what to ask of them.
 
     They are the forms whose descriptions say that they are offered, of installed packages too.
@@ -194,8 +194,7 @@ def others_of(brdf: Brdf, missing: list[str] | None = None) -> list[tuple[str, S
                 settings = registry.module(form, "offers").settings(brdf)
                 found += [(form, setting) for setting in settings]
         except PluginError as reason:
-            if missing is not None:
-                missing.append(f"no {form}: {reason}")
+            missing.append(f"no {form}: {reason}")
     return found
 
 

@@ -227,8 +227,7 @@ def _curve(curve: AccuracyCurve) -> dict[str, Any]:
 def _pictures(pictures: OrderPictures, views: Sequence[tuple[float, float]]) -> dict[str, Any]:
     def errors(p: int) -> list[float | None]:
         found = [pictures.error(p, view) for view in range(len(views))]
-        # JSON has no infinity.
-        return [None if each is None or math.isinf(each) else each for each in found]
+        return [None if math.isinf(each) else each for each in found]  # JSON has no infinity
 
     parts = zip(pictures.captured.tolist(), pictures.predicted_errors.tolist(), strict=True)
     return {

@@ -152,14 +152,9 @@ def _row(name: str, values: Any) -> str:
 def _describe(model: Any) -> dict[str, Any]:
     from dataclasses import asdict
 
-    return {
-        "name": model.name,
-        "summary": model.summary,
-        "source": model.source,
-        "center": model.center,
-        "isotropic": model.isotropic,
-        "parameters": [asdict(parameter) for parameter in model.parameters],
-    }
+    said = ("name", "summary", "source", "center", "isotropic")
+    parameters = [asdict(parameter) for parameter in model.parameters]
+    return {**{name: getattr(model, name) for name in said}, "parameters": parameters}
 
 
 def _parameter_lines(model: Any) -> list[str]:

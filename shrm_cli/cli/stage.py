@@ -12,6 +12,7 @@ import shrm_cli as shrm
 from shrm_cli.cli import options, usage
 from shrm_cli.cli.shading import brush_option, brushed_rules, refuse_window
 from shrm_cli.cli.types import PATH, VECTOR, flag, option, within
+from shrm_cli.vocabulary import LARGEST_COORDINATE
 
 if TYPE_CHECKING:
     from shrm_cli.probe.disc import Disc
@@ -25,7 +26,6 @@ _OPTIONS = (
 )  # fmt: skip
 OF_SURFACES = ("roughness", "f0", "anisotropy", "taps", "brush", "vary", "plain", "irradiance")
 """The names of options that say what a mesh is like; scenes say all but the last of each object."""
-_LARGEST = 1e30
 _NAMED = 3
 """How many materials a warning names."""
 
@@ -41,7 +41,7 @@ mesh_options = options.several(
         "[default: 35]",
     ),
     option(
-        "--distance D", within(0, _LARGEST),
+        "--distance D", within(0, LARGEST_COORDINATE),
         help="From the camera to its target, in the mesh's unit.  [default: all is seen]",
     ),
     option("--target", VECTOR, "What the camera looks at.  [default: the middle of the mesh]"),

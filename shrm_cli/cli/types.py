@@ -87,9 +87,6 @@ def within(low: float, high: float) -> Parsed:
     return Parsed("number", parse)
 
 
-_LARGEST = 1e30
-"""The largest coordinate, as meshes have it."""
-
 STOPS = within(-MAX_STOPS, MAX_STOPS)
 """An exposure value, in stops."""
 
@@ -148,7 +145,7 @@ def way(text: str) -> tuple[str, float, float] | None:
     return (name, *ends) if name and all(map(math.isfinite, ends)) else None
 
 
-def _several(name: str, wanted: str, largest: float = _LARGEST) -> Parsed:
+def _several(name: str, wanted: str, largest: float = vocabulary.LARGEST_COORDINATE) -> Parsed:
     """Return the type of as many numbers as its name has, none of which is too large."""
 
     def parse(text: str) -> tuple[float, ...]:
@@ -186,7 +183,7 @@ def TURN(text: str) -> tuple[tuple[float, ...], float]:
     axes = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
     along = axes.get(axis) or _numbers(axis.replace("/", ","))
     degrees = _numbers(angle)
-    if len(along) != 3 or len(degrees) != 1 or max(map(abs, along)) > _LARGEST:
+    if len(along) != 3 or len(degrees) != 1 or max(map(abs, along)) > vocabulary.LARGEST_COORDINATE:
         raise ValueError(f"{text!r} is not AXIS:DEGREES such as y:90 or 1/1/0:360")
     if not any(along):
         raise ValueError("0/0/0 is no axis")

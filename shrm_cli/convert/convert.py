@@ -19,6 +19,7 @@ from shrm_cli.errors import ArgumentError, MapError
 from shrm_cli.maps import registry
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.file import is_map, open_map
+from shrm_cli.maps.info import in_primaries, with_stated_primaries
 from shrm_cli.messages import refuse_arguments
 from shrm_cli.probe.options import ColorReading, ReadOptions
 from shrm_cli.probe.probe import Probe
@@ -147,14 +148,10 @@ def _read(
     found = source if isinstance(source, Map) else open_map(source)
     colors = ColorReading.of(found.info.chromaticities, reading)
     if reading.primaries is not None:
-        from shrm_cli.maps.primaries import with_stated_primaries
-
         found = with_stated_primaries(found, colors.own)  # type: ignore[arg-type]
     if not np.array_equal(turn, np.eye(3)):
         found = found.turned(turn)
     if reading.working is not None:
-        from shrm_cli.maps.primaries import in_primaries
-
         found = in_primaries(found, colors.chromaticities)  # type: ignore[arg-type]
     return found, tuple(f"{name}: {line}" for line in colors.notes)
 

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 from shrm_cli.arrays import Array, slices
 from shrm_cli.convert.made import Converted, Written, kept_precision
 from shrm_cli.errors import ArgumentError, MapError
+from shrm_cli.files.exr import write_mipmap
 from shrm_cli.files.image import without_negative, write_image
-from shrm_cli.files.mipmap import write_mipmap
 from shrm_cli.files.recipe import picture_attributes
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.kinds import MaterialMap

@@ -7,6 +7,7 @@ the group `plugins.ENGINES`, which names the subclass.
 
 import importlib
 import math
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -14,11 +15,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
 
+from shrm_cli import __release__
 from shrm_cli.arrays import Array
 from shrm_cli.errors import ArgumentError, PluginError
 from shrm_cli.export.asset import Asset
 from shrm_cli.export.pixels import Clipped, Loss, TexelFormat, clip_warning, sentence
-from shrm_cli.export.quoting import comment
+from shrm_cli.export.quoting import code_span, comment, markdown
 from shrm_cli.export.tamed import Sampler
 from shrm_cli.files.whole import write_bytes
 from shrm_cli.maps.irradiance.irradiance import Irradiance
@@ -286,3 +288,36 @@ def halving(size: int, least: int, count: int | None = None) -> tuple[int, ...]:
     while sizes[-1] >= 2 * least and len(sizes) != count:
         sizes.append(sizes[-1] // 2)
     return tuple(sizes)
+
+
+# ---- the README of an export, which says what was done, and how it is loaded ---------------------
+
+_PLAIN = re.compile(r"[^\W_][\w.-]*")
+"""Names of files that Markdown shows as they are, also outside of spans of code."""
+
+
+def title_line(engine: Engine, source: str) -> str:
+    """Return the first line, which is known before there is any light."""
+    return f"Light of {markdown(source)} for {engine.title}, by shrm {__release__}. Linear RGB."
+
+
+def readme(engine: Engine, light: Light, package: Package) -> str:
+    """Return the README: a line each of title, files, what was done, and loading, with the code.
+
+    File names stand in it without folders, so that the same light makes the same text anywhere.
+    """
+    spans = [code_span(file.name) for file in package.files]
+    told = []
+    for line in package.told:
+        name, colon, rest = line.partition(": ")
+        is_hard = code_span(name) in spans and not _PLAIN.fullmatch(name)
+        told.append(f"{code_span(name)}{colon}{rest}" if is_hard else line)
+    lines = [
+        title_line(engine, light.source),
+        f"Files: {', '.join(spans)}.",
+        f"What was done: {'; '.join(told) or 'nothing was turned or scaled'}.",
+    ]
+    if package.loading:
+        code = (f"    {line}" for line in package.loading)
+        lines += [f"Load it in {engine.title}:", "", *code]
+    return "\n".join(lines) + "\n"

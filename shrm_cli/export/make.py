@@ -15,21 +15,19 @@ from shrm_cli.color import REC709, same_primaries, title_of
 from shrm_cli.errors import ArgumentError, MapError, OutputError
 from shrm_cli.export.asset import open_asset
 from shrm_cli.export.cubes import levels_of_map
-from shrm_cli.export.engine import Engine, Light, Package
+from shrm_cli.export.engine import Engine, Light, Package, readme, title_line
 from shrm_cli.export.engine import engine as engine_of
 from shrm_cli.export.lamps import add_lamps, better_cures, without_lamps
 from shrm_cli.export.packing import packed, refuse_missing
 from shrm_cli.export.pixels import CURE
-from shrm_cli.export.readme import readme, title_line
 from shrm_cli.export.tamed import tamed
 from shrm_cli.files.whole import exists_error, keeping, note, together
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.file import is_map, open_map
-from shrm_cli.maps.info import provenance
+from shrm_cli.maps.info import in_primaries, provenance
 from shrm_cli.maps.irradiance.irradiance import POLYNOMIAL_ORDER, Irradiance
 from shrm_cli.maps.irradiance.prefilter import prefilter as prefilter_irradiance
 from shrm_cli.maps.irradiance.window import Window
-from shrm_cli.maps.primaries import in_primaries
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.splitsum.prefilter import make_levels
 from shrm_cli.maps.splitsum.split_sum import SplitSum

@@ -10,6 +10,8 @@ import shlex
 from collections.abc import Iterable
 from urllib.parse import quote
 
+from shrm_cli.messages import printable
+
 _SPAN = re.compile(r"(?<!`)(`+)(?!`).+?(?<!`)\1(?!`)")
 _MARKDOWN = re.compile(r"([\\`*_{}\[\]()<>#+!|&~-])")
 
@@ -26,22 +28,22 @@ def string(text: str) -> str:
 
 def comment(text: str) -> str:
     """Return a text for a comment of one line, or within ``/*`` and ``*/``."""
-    return _printable(text).replace("*/", "*_/").replace("/*", "/_*")
+    return printable(text).replace("*/", "*_/").replace("/*", "/_*")
 
 
 def word(name: str) -> str:
     """Return a file's name as one word of a shell's command line, in a comment of one line."""
-    return shlex.quote(_printable(name))
+    return shlex.quote(printable(name))
 
 
 def markdown(text: str) -> str:
     """Return a text of one line that Markdown shows as it is."""
-    return _MARKDOWN.sub(r"\\\1", _printable(text))
+    return _MARKDOWN.sub(r"\\\1", printable(text))
 
 
 def code_span(text: str) -> str:
     """Return a text as a span of code in Markdown, whatever backticks it has."""
-    text = _printable(text)
+    text = printable(text)
     longest = max((len(run) for run in re.findall("`+", text)), default=0)
     fence = "`" * (longest + 1)
     space = " " if "`" in text else ""
@@ -56,7 +58,3 @@ def spans(text: str) -> list[str]:
 def numbers(values: Iterable[float], unit: str = "") -> str:
     """Return numbers one after the other, each followed by a unit, without negative zeros."""
     return ", ".join(f"{each + 0:g}{unit}" for each in values)
-
-
-def _printable(text: str) -> str:
-    return "".join(each if each.isprintable() else "?" for each in text)

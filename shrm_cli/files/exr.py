@@ -1,15 +1,18 @@
 """The OpenEXR container: files of one or more parts, which are written whole or not at all.
 
-OpenEXR's own library writes them, and reads plain pictures; OpenImageIO reads all others.
+OpenEXR's own library writes them, and reads plain pictures; OpenImageIO reads all others. It also
+writes mip-mapped files, one image in halving sizes as texture systems read it, because OpenEXR's
+bindings write one level only.
 """
 
 import os
 import re
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import redirect_stdout, suppress
 from functools import cached_property
 from io import StringIO
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,13 +23,16 @@ from shrm_cli.arrays import Array
 from shrm_cli.errors import MapError
 from shrm_cli.files.exr_header import SEAL, UNSEALED, ends_whole, seal, why_too_much
 from shrm_cli.files.openimageio import oiio, quiet
-from shrm_cli.files.parts import LARGE, Part, StoredFile, StoredPart
+from shrm_cli.files.parts import LARGE, Part, StoredFile, StoredPart, choose_storage
 from shrm_cli.files.whole import cut_off_error, replacing
 from shrm_cli.progress import in_order
+from shrm_cli.vocabulary import PixelType, Precision
 
 _printing = threading.Lock()
 """Held while what is printed goes elsewhere, for all threads."""
 _ENVMAPS = {"openexr": OpenEXR.ENVMAP_CUBE, "latlong": OpenEXR.ENVMAP_LATLONG}
+_TILE = 64
+"""Texels along a side of a tile of a mip-mapped file."""
 
 
 def write(path: str | os.PathLike[str], parts: Sequence[Part], pixel_type: str) -> None:
@@ -69,6 +75,73 @@ def _header(part: Part) -> dict[str, Any]:
     if "envmap" in header:
         header["envmap"] = _ENVMAPS[header["envmap"]]
     return header
+
+
+def write_mipmap(
+    path: str | os.PathLike[str],
+    levels: Sequence[Array],
+    precision: Precision = "auto",
+    attributes: Mapping[str, Any] | None = None,
+) -> PixelType:
+    """Write a tiled, mip-mapped RGB image with ZIP compression, whole; return the pixel type.
+
+    `levels`, each of shape (H_k, W_k, 3), are all levels down to one pixel; each is half as wide
+    and as high as the one before, rounded down, and at least 1. `attributes` are texts, numbers and
+    ``chromaticities`` by name. ``envmap`` of ``latlong`` marks a border-sampled lat-long, as
+    texture systems want it.
+    """
+    pixel_type = choose_storage(path, levels, precision).pixel_type
+    with replacing(path) as temporary:
+        temporary.touch()  # raises the system's error, which OpenImageIO would not report
+        _write_levels(temporary, levels, pixel_type, attributes or {})
+        _check_levels(temporary, levels)
+    return pixel_type
+
+
+def _write_levels(
+    path: Path, levels: Sequence[Array], pixel_type: PixelType, attributes: Mapping[str, Any]
+) -> None:
+    target = oiio.ImageOutput.create("exr")
+    if target is None:
+        raise OSError(0, oiio.geterror() or "OpenImageIO cannot write it")
+    for index, level in enumerate(levels):
+        spec = _level_spec(level, pixel_type, attributes)
+        # Calling write_image after a failed open would be a segmentation fault.
+        if not target.open(str(path), spec, "AppendMIPLevel" if index else "Create"):
+            raise OSError(0, target.geterror() or "OpenImageIO cannot write it")
+        if not target.write_image(np.ascontiguousarray(level, dtype=np.float32)):
+            raise OSError(0, target.geterror() or "it was not written whole")
+    if not target.close() or target.has_error:
+        raise cut_off_error()
+
+
+def _level_spec(level: Array, pixel_type: PixelType, attributes: Mapping[str, Any]) -> Any:
+    height, width, _ = level.shape
+    spec = oiio.ImageSpec(width, height, 3, oiio.TypeDesc(pixel_type))
+    spec.tile_width = spec.tile_height = _TILE
+    spec.attribute("compression", "zip")
+    spec.attribute("DateTime", "")  # the same inputs give the same bytes
+    # This is how OpenImageIO is told to write levels, and the attribute `envmap`.
+    is_marked = attributes.get("envmap") == "latlong"
+    spec.attribute("textureformat", "LatLong Environment" if is_marked else "Plain Texture")
+    for name, value in attributes.items():
+        if name == "chromaticities":
+            spec.attribute(name, oiio.TypeDesc("float[8]"), tuple(value))
+        elif name != "envmap":
+            spec.attribute(name, value)
+    return spec
+
+
+def _check_levels(path: Path, levels: Sequence[Array]) -> None:
+    """Raise an error unless all levels are there; on a full disk writing reports none."""
+    source = oiio.ImageInput.open(str(path))
+    for index, level in enumerate(levels):
+        pixels = None
+        if source is not None and source.seek_subimage(0, index):
+            pixels = source.read_image(0, index, 0, 3, oiio.FLOAT)
+        if pixels is None or pixels.shape != level.shape:
+            oiio.geterror()
+            raise cut_off_error()
 
 
 def decoded(path: str | os.PathLike[str], names: Sequence[str]) -> Array | None:

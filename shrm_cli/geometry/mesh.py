@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from shrm_cli.arrays import Array
 from shrm_cli.errors import MeshError
 from shrm_cli.records import record
+from shrm_cli.vocabulary import LARGEST_COORDINATE
 
 Wrap = Literal["repeat", "clamp", "mirror"]
 Matrix = tuple[float, float, float, float, float, float]
@@ -118,8 +119,6 @@ Integers = NDArray[np.int64]
 MOST_FACES = 2**22
 """The most triangles of a mesh."""
 
-_LARGEST = 1e30
-"""The largest coordinate, so that products of three of them are finite."""
 _LEAST_NORMAL = 1e-12
 """Length below which a normal of a file has no direction."""
 _SINGULAR = 1e-30
@@ -347,8 +346,8 @@ def _check_vertices(name: str, points: Array) -> None:
         raise MeshError(
             f"{name}: {np.count_nonzero(bad):,} vertices are NaN or infinite; export it again"
         )
-    if float(np.abs(points).max()) > _LARGEST:
-        raise MeshError(f"{name}: its coordinates exceed {_LARGEST:g}; scale the mesh")
+    if float(np.abs(points).max()) > LARGEST_COORDINATE:
+        raise MeshError(f"{name}: its coordinates exceed {LARGEST_COORDINATE:g}; scale the mesh")
 
 
 def _attribute(values: ArrayLike | None, used: NDArray[np.bool_], columns: int) -> Array | None:

@@ -15,6 +15,7 @@ from shrm_cli.files.image import probe_attributes, write_image
 from shrm_cli.files.whole import write_bytes
 from shrm_cli.lights.edit import Tables
 from shrm_cli.lights.split import LampSplit
+from shrm_cli.messages import printable
 from shrm_cli.probe.disc import Disc
 from shrm_cli.probe.proxy import box_attributes
 from shrm_cli.sphere.directions import normalize
@@ -42,7 +43,7 @@ def light_file_text(split: LampSplit, residual: str) -> str:
     """
     probe = split.residual_probe
     lines = [
-        f"# The lamps of {_comment(Path(split.probe.name).name)}, and what is left of it.",
+        f"# The lamps of {printable(Path(split.probe.name).name)}, and what is left of it.",
         "[[probe]]",
         f"file = {toml_text(residual)}",
     ]
@@ -127,10 +128,6 @@ def light_axes(direction: Array) -> Array:
 
 def _list(values: Array) -> str:
     return "[" + ", ".join(f"{value:.9g}" for value in values) + "]"
-
-
-def _comment(text: str) -> str:
-    return "".join(c if c.isprintable() else "?" for c in text)
 
 
 def toml_text(text: str) -> str:

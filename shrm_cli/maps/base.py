@@ -464,7 +464,7 @@ class Map(Displayed, ABC):
         )
 
     def mixed(self, matrix: Array, info: MapInfo) -> Map:
-        """Return the map with a matrix times its red, green and blue; see `maps.primaries`."""
+        """Return the map with a matrix times its red, green and blue; see `maps.info`."""
         planes = [mix_channels(plane, matrix) for plane in self.planes()]
         return self.with_planes(planes, self.sampling, info)
 

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from shrm_cli.brdf.base import Brdf, value_text
 from shrm_cli.brdf.library import parse_recorded
 from shrm_cli.brdf.sums import FILES
+from shrm_cli.color import conversion
 from shrm_cli.errors import BrdfError
 from shrm_cli.orders import Orders
 from shrm_cli.probe.probe import Probe
@@ -361,3 +362,29 @@ def _canonical(record: Mapping[str, Any]) -> tuple[str, dict[str, str]]:
     parameters = record.get("parameters")
     values = parameters.items() if isinstance(parameters, dict) else ()
     return str(record.get("name")), {key: value_text(value) for key, value in values}
+
+
+# ---- maps in other primaries, without their probes -----------------------------------------------
+
+
+def with_stated_primaries(found: "Map", primaries: tuple[float, ...]) -> "Map":
+    """Return a map that states other primaries for the numbers that it has."""
+    return found.with_planes(
+        found.planes(), found.sampling, replace(found.info, chromaticities=primaries)
+    )
+
+
+def in_primaries(found: "Map", primaries: tuple[float, ...]) -> "Map":
+    """Return a map in other primaries, exactly, because what it makes is linear in the light.
+
+    `primaries` are CIE x and y of red, green, blue and white. Those of the map are Rec.709's where
+    it tells none. White stays white, by Bradford's adaptation.
+
+    A BRDF with colors stays the one that it was in the old primaries, and so does the record of it.
+    The errors that the map states are those in the old primaries.
+    """
+    matrix = conversion(found.info.chromaticities, primaries)
+    info = found.info.in_primaries(primaries)
+    if matrix is None:
+        return found.with_planes(found.planes(), found.sampling, info)
+    return found.mixed(matrix, info)

@@ -42,11 +42,10 @@ from shrm_cli.render.lit import reflectance
 from shrm_cli.render.stage import Actor, Look, transformation
 from shrm_cli.render.variation import open_variation
 from shrm_cli.rooms.lit import open_lit
-from shrm_cli.vocabulary import EVEN_LOOK_UPS, MIN_ROUGHNESS, TAP_COUNTS
+from shrm_cli.vocabulary import EVEN_LOOK_UPS, LARGEST_COORDINATE, MIN_ROUGHNESS, TAP_COUNTS
 
 MOST_OBJECTS = 256
 _MOST_BYTES = 2**20
-_LARGEST = 1e30
 _KEYS = (
     "mesh", "map", "roughness", "f0", "anisotropy", "taps", "irradiance", "brush", "vary", "plain",
     "translate", "rotate", "scale",
@@ -273,7 +272,7 @@ def _numbers(given: Mapping[str, Any], key: str, default: float) -> list[float]:
     return [float(each) for each in numbers]
 
 
-def is_number(value: Any, largest: float = _LARGEST) -> bool:
+def is_number(value: Any, largest: float = LARGEST_COORDINATE) -> bool:
     """Whether it is a number of moderate size; TOML has NaN, infinity and endless integers."""
     known = isinstance(value, int | float) and not isinstance(value, bool)
     return known and -largest <= value <= largest

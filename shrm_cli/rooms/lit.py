@@ -24,12 +24,11 @@ from shrm_cli.errors import MapError
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.file import open_map
 from shrm_cli.maps.info import MapInfo
-from shrm_cli.maps.kinds import FixedMap, MaterialMap, ReflectionMap
+from shrm_cli.maps.kinds import BrushedLight, FixedMap, MaterialMap, ReflectionMap
 from shrm_cli.maps.product.product import ProductMap
 from shrm_cli.probe.proxy import ProxyBox
 from shrm_cli.records import record
 from shrm_cli.rooms.grid import Lattice, ProbeGrid, as_grid
-from shrm_cli.sphere.directions import horizontal_tangents
 from shrm_cli.sphere.harmonics import degrees
 from shrm_cli.vocabulary import Center, Frame, Sampling
 
@@ -53,7 +52,7 @@ STAYS = (
 
 
 @record(eq=False)
-class InGrid(FixedMap, ReflectionMap):
+class InGrid(BrushedLight, FixedMap, ReflectionMap):
     """What white diffuse surfaces reflect in a grid of probes.
 
     Without a place they are in the middle of the grid, whose box is the proxy box of the `info`.
@@ -83,10 +82,6 @@ class InGrid(FixedMap, ReflectionMap):
             self.grid.order, 0, 0.0, 1.0, 0.0, {"name": "lambertian", "parameters": {}}, self.name,
             chromaticities=self.grid.chromaticities, options={"reading": {"proxy": box.record()}},
         )  # fmt: skip
-
-    def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
-        normals, views = np.broadcast_arrays(np.asarray(normals, float), np.asarray(views, float))
-        return self.brushed_radiance(normals, horizontal_tangents(normals), views)
 
     def brushed_radiance(self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike) -> Array:
         return self.varied_radiance(normals, tangents, views, 0.5)

@@ -186,7 +186,7 @@ class CubeSampler:
 
     def _between(self, face: NDArray[np.intp], s: Array, t: Array) -> Array:
         """Values at positions (s, t) on faces, each of shape (n,): (n, channels)."""
-        filtering = _linear if _is_bilinear.get() else catmull_rom
+        filtering = linear if _is_bilinear.get() else catmull_rom
         columns, across = filtering(self._index(s))
         rows, along = filtering(self._index(t))
         width = self.size + 2 * _RIM
@@ -270,7 +270,7 @@ def bilinear_filtering() -> Iterator[None]:
         _is_bilinear.reset(token)
 
 
-def _linear(x: Array) -> tuple[NDArray[np.intp], list[Array]]:
+def linear(x: Array) -> tuple[NDArray[np.intp], list[Array]]:
     """The first of two texels and the weights of both, at x, in texels."""
     first = np.floor(x).astype(np.intp)
     return first, [first + 1 - x, x - first]

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.arrays import Array, slices
-from shrm_cli.sphere.cube import catmull_rom
+from shrm_cli.sphere.cube import catmull_rom, linear
 
 Weigh = Callable[[Array], tuple[NDArray[np.intp], list[Array]]]
 """Takes places in texels; returns the first texel of a filter and the weights of all its texels."""
@@ -72,7 +72,7 @@ class ParabolicSampler:
 
     def linear(self, directions: ArrayLike) -> Array:
         """Look up directions by the bilinear filter of graphics hardware; see `__call__`."""
-        return self._filtered(directions, _linear)
+        return self._filtered(directions, linear)
 
     def _filtered(self, directions: ArrayLike, weigh: Weigh) -> Array:
         directions = np.asarray(directions)
@@ -95,9 +95,3 @@ class ParabolicSampler:
                 share = (row_weight * weight).astype(self._texels.dtype)
                 result += share[:, None] * self._texels[rows + columns]
         return result
-
-
-def _linear(x: Array) -> tuple[NDArray[np.intp], list[Array]]:
-    """Return the first of two texels and the weights of both, at x, in texels."""
-    first = np.floor(x).astype(np.intp)
-    return first, [first + 1 - x, x - first]

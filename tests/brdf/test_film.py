@@ -153,6 +153,6 @@ def test_maps_of_light_alone_show_no_film():
     bare, film = parse_spec("ggx:f0=0.04"), parse_spec("ggx:f0=0.04,film=300")
     assert bare.surface == (0.4, (0.04, 0.04, 0.04))
     assert film.surface is None
-    forms = [[form for form, _ in others_of(brdf)] for brdf in (bare, film)]
+    forms = [[form for form, _ in others_of(brdf, [])] for brdf in (bare, film)]
     assert "splitsum" in forms[0]
     assert forms[1] == ["cabral"]

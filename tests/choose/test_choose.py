@@ -261,7 +261,7 @@ def test_all_taps_share_one_chain(monkeypatch):
         choose, "prefilter_with_facts", lambda *asked: made.append(asked) or prefilter(*asked)
     )
     brdf = parse_spec("ggx:roughness=0.8,anisotropy=0.5")
-    ((form, setting),) = choose.others_of(brdf)
+    ((form, setting),) = choose.others_of(brdf, [])
     truth = Truth(light(0, 5), brdf)
     offers = choose.made_offers(form, setting, light(0, 5), brdf, truth)
     assert len(made) == 1
@@ -308,4 +308,4 @@ def test_split_sums_of_other_brdfs_are_offered():
         missed = made.shaded(0.7).radiance(normals, views) - truth
         assert np.linalg.norm(missed) / np.linalg.norm(truth) == pytest.approx(each.error, rel=0.3)
     for without in ("ward:ax=0.2,ay=0.4", "phong", "0.5*charlie+0.5*lambertian"):
-        assert "splitsum" not in {form for form, _ in choose.others_of(parse_spec(without))}
+        assert "splitsum" not in {form for form, _ in choose.others_of(parse_spec(without), [])}

@@ -2,9 +2,7 @@
 
 import numpy as np
 
-from shrm_cli.maps.explicit.cabral import Cabral
-from shrm_cli.maps.explicit.kautz_mccool import KautzMcCool
-from shrm_cli.maps.explicit.light_field import LightField
+from shrm_cli.maps.explicit.views import Cabral, KautzMcCool, LightField
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.shrm.shrm import Shrm
 from tests import oracles

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shrm_cli.maps.explicit.cabral import Cabral
 from shrm_cli.maps.explicit.prefilter import tabulate_sum
+from shrm_cli.maps.explicit.views import Cabral
 from shrm_cli.maps.irradiance.irradiance import in_form
 from shrm_cli.maps.shrm.summed import SummedShrm
 from shrm_cli.prefilter import prefilter, prefilter_with_facts

@@ -9,9 +9,7 @@ import numpy as np
 import pytest
 
 from shrm_cli.errors import MapError
-from shrm_cli.maps.explicit.cabral import Cabral
-from shrm_cli.maps.explicit.kautz_mccool import KautzMcCool
-from shrm_cli.maps.explicit.light_field import LightField
+from shrm_cli.maps.explicit.views import Cabral, KautzMcCool, LightField
 from shrm_cli.maps.file import open_map
 from shrm_cli.maps.shrm.shrm import CompressedShrm
 from tests import oracles

@@ -7,9 +7,7 @@ import pytest
 
 from research import bilinear
 from shrm_cli.errors import ArgumentError
-from shrm_cli.maps.explicit.cabral import Cabral
-from shrm_cli.maps.explicit.kautz_mccool import KautzMcCool
-from shrm_cli.maps.explicit.light_field import LightField
+from shrm_cli.maps.explicit.views import Cabral, KautzMcCool, LightField
 from shrm_cli.maps.shrm.shrm import CompressedShrm
 from shrm_cli.maps.shrm.summed import SummedShrm
 from shrm_cli.vocabulary import MAX_CUBE_SIZE

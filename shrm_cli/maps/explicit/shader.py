@@ -6,8 +6,8 @@ from math import isqrt
 import numpy as np
 
 from shrm_cli.errors import MapError
-from shrm_cli.maps.explicit.cabral import TRIANGLES, VERTICES
 from shrm_cli.maps.explicit.explicit import ExplicitMap
+from shrm_cli.maps.explicit.views import TRIANGLES, VERTICES
 from shrm_cli.maps.shader.source import (
     Source,
     Words,

@@ -33,11 +33,11 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.cache import remembered
 from shrm_cli.brdf.core import Core
 from shrm_cli.brdf.lobe import cuts_horizon
+from shrm_cli.maps.kinds import BrushedLight
 from shrm_cli.maps.lamps.lobe import TABLE_EXACT, LobeTable
 from shrm_cli.probe.disc import Disc
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import (
-    as_directions,
     central_directions,
     from_angles,
     horizontal_tangents,
@@ -314,7 +314,7 @@ def _beside(brdf: Brdf, normals: Array, views: Array, distances: Array) -> Array
 
 
 @record(eq=False)
-class LitDiscs:
+class LitDiscs(BrushedLight):
     """Discs of light, and the BRDF that reflects them."""
 
     brdf: Brdf
@@ -345,13 +345,7 @@ class LitDiscs:
         few = max(each.few for each in found.values())
         return tuple(replace(found[radius], few=few) for radius in largest)
 
-    def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
-        """Return what is reflected; parameters and result are those of `Map.radiance`."""
-        normals, views = as_directions(normals=normals, views=views)
-        return self.brushed_radiance(normals, horizontal_tangents(normals), views)
-
     def brushed_radiance(self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike) -> Array:
-        """Return what a surface of some tangents reflects, as maps' `brushed_radiance` does."""
         normals, tangents, views = (
             np.asarray(each, dtype=float) for each in (normals, tangents, views)
         )

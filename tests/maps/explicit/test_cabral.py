@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from shrm_cli.maps.explicit.cabral import TRIANGLES, VERTICES, Cabral
+from shrm_cli.maps.explicit.views import TRIANGLES, VERTICES, Cabral
 from tests import oracles
 from tests.brute_force import unit
 from tests.maps.scenes import girard, make_shrm, normals_of, rms

@@ -7,11 +7,9 @@ import pytest
 
 from shrm_cli.errors import MapError
 from shrm_cli.maps import registry
-from shrm_cli.maps.explicit.cabral import Cabral
 from shrm_cli.maps.explicit.explicit import ExplicitMap
-from shrm_cli.maps.explicit.kautz_mccool import KautzMcCool
-from shrm_cli.maps.explicit.light_field import LightField
 from shrm_cli.maps.explicit.prefilter import explicit_kind
+from shrm_cli.maps.explicit.views import Cabral, KautzMcCool, LightField
 from shrm_cli.maps.shrm.shrm import CompressedShrm, Shrm, compressed
 from tests import oracles
 from tests.brute_force import unit

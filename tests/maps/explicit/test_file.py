@@ -11,9 +11,7 @@ import OpenImageIO as oiio
 import pytest
 
 from shrm_cli.errors import OutputError
-from shrm_cli.maps.explicit.cabral import Cabral
-from shrm_cli.maps.explicit.kautz_mccool import KautzMcCool
-from shrm_cli.maps.explicit.light_field import LightField
+from shrm_cli.maps.explicit.views import Cabral, KautzMcCool, LightField
 from shrm_cli.maps.file import is_map, open_map
 from shrm_cli.maps.shrm.shrm import CompressedShrm
 from tests.cli.helpers import process

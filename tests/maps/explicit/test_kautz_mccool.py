@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from shrm_cli.maps.explicit.kautz_mccool import KautzMcCool
+from shrm_cli.maps.explicit.views import KautzMcCool
 from tests import oracles
 from tests.brute_force import unit
 from tests.maps.scenes import around, azimuthal_mean_image, make_shrm, normals_of, rms

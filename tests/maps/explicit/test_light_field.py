@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from shrm_cli.maps.explicit.light_field import LightField
+from shrm_cli.maps.explicit.views import LightField
 from tests import oracles
 from tests.brute_force import unit
 from tests.maps.scenes import harmonics_image, make_shrm, normals_of, relative_rms, rms

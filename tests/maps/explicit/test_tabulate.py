@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 
 from shrm_cli.errors import MapError
-from shrm_cli.maps.explicit.cabral import Cabral
-from shrm_cli.maps.explicit.kautz_mccool import KautzMcCool
-from shrm_cli.maps.explicit.light_field import LightField
 from shrm_cli.maps.explicit.prefilter import tabulate
+from shrm_cli.maps.explicit.views import Cabral, KautzMcCool, LightField
 from shrm_cli.progress import using
 from tests import oracles
 from tests.maps.scenes import around, make_info, make_shrm, rms

@@ -10,11 +10,10 @@ import pytest
 
 from shrm_cli.errors import MapError
 from shrm_cli.maps.file import open_map
-from shrm_cli.maps.info import MapInfo
+from shrm_cli.maps.info import MapInfo, in_primaries
 from shrm_cli.maps.irradiance.irradiance import FORMS, Irradiance, Zh3, form_errors, in_form
 from shrm_cli.maps.irradiance.prefilter import report
 from shrm_cli.maps.irradiance.shader import irradiance_snippet
-from shrm_cli.maps.primaries import in_primaries
 from shrm_cli.probe.probe import Probe
 from shrm_cli.vocabulary import PRIMARIES
 from tests import oracles

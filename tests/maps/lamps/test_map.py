@@ -11,8 +11,8 @@ from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import BrdfError, MapError
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.file import open_map
+from shrm_cli.maps.info import in_primaries
 from shrm_cli.maps.lamps.map import LampMap
-from shrm_cli.maps.primaries import in_primaries
 from shrm_cli.maps.request import negative_warnings
 from shrm_cli.probe.disc import Disc
 from shrm_cli.vocabulary import PRIMARIES

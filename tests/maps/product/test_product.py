@@ -10,8 +10,7 @@ from shrm_cli.brdf.product import LightRule, ProductFunctions, ProductQuadrature
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import ArgumentError, BrdfError, MapError
 from shrm_cli.maps.product.make import product
-from shrm_cli.maps.product.prefilter import product_texture
-from shrm_cli.maps.product.table import product_table
+from shrm_cli.maps.product.prefilter import product_table, product_texture
 from shrm_cli.prefilter import prefilter as prefilter_any
 from shrm_cli.probe import lighting
 from shrm_cli.probe.probe import Probe

@@ -8,7 +8,7 @@ import pytest
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.brdf.transfer import compute_coefficients
 from shrm_cli.errors import MapError
-from shrm_cli.maps.explicit.cabral import Cabral
+from shrm_cli.maps.explicit.views import Cabral
 from shrm_cli.maps.file import open_map
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.shrm.shrm import CompressedShrm, Shrm

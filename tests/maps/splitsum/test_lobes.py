@@ -11,7 +11,7 @@ from shrm_cli.brdf.base import Brdf, Parameter, grey
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import BrdfError, MapError
 from shrm_cli.maps.file import open_map
-from shrm_cli.maps.primaries import in_primaries
+from shrm_cli.maps.info import in_primaries
 from shrm_cli.prefilter import prefilter as prefilter_any
 from shrm_cli.probe.probe import Probe
 from shrm_cli.sphere.cube import cube_directions
