@@ -116,18 +116,17 @@ def _samples(x: Array, y: Array, radius: float) -> tuple[Indices, Array, Array, 
         counts[inside < width] = count
     parts = []
     for count in np.unique(counts):
-        pixels = np.flatnonzero(counts == count)
+        own = np.flatnonzero(counts == count)
         offsets = ((np.arange(count) + 0.5) / count - 0.5) / radius
         down, right = (grid.ravel() for grid in np.meshgrid(offsets, offsets, indexing="ij"))
-        sub_x, sub_y = x[pixels, None] + right, y[pixels, None] + down
+        sub_x, sub_y = x[own, None] + right, y[own, None] + down
         distance = np.hypot(sub_x, sub_y)
         is_on = distance <= 1
-        weights = is_on | ~is_on.any(axis=-1, keepdims=True)
+        counted = is_on | ~is_on.any(axis=-1, keepdims=True)
         inwards = np.where(is_on, 1.0, (1 - _INSIDE / radius) / np.maximum(distance, 1))
-        own, _ = np.nonzero(weights)
-        shares = weights / weights.sum(axis=-1, keepdims=True)
-        parts.append(
-            (pixels[own], (sub_x * inwards)[weights], (sub_y * inwards)[weights], shares[weights])
-        )
-    which, across, up, shares = (np.concatenate(each) for each in zip(*parts, strict=True))
-    return which, across, up, shares
+        shares = counted / counted.sum(axis=-1, keepdims=True)
+        pixels = np.broadcast_to(own[:, None], counted.shape)
+        found = pixels, sub_x * inwards, sub_y * inwards, shares
+        parts.append([each[counted] for each in found])
+    pixels, across, up, shares = (np.concatenate(each) for each in zip(*parts, strict=True))
+    return pixels, across, up, shares
