@@ -169,7 +169,8 @@ def lit_maps(
         if shape.factors:
             warnings.append(
                 f"{name}: the light is windowed ({shape.name}), which changes what is reflected by "
-                f"{shape.change:.1%} RMS, p95 {shape.p95_change:.0%}; `window` none leaves it"
+                f"{shape.change:.1%} RMS, p95 {shape.p95_change:.0%}; without it (`window` none) "
+                f"{shape.spots:.1%} would lack a color"
             )
         # Its metals are in the primaries that the light of its making had, of Rec.709 without any.
         lit = lit.with_info(replace(lit.info, chromaticities=light.probe.chromaticities))

@@ -1,6 +1,7 @@
 """`shrm product`, and what other commands do with its textures."""
 
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -89,6 +90,9 @@ def test_no_light_in_a_picture_is_negative(tmp_path, monkeypatch, subject):
     lamp, picture = write_exr(tmp_path / "lamp.exr", image), tmp_path / "x.exr"
     shared = "--probe", lamp, "--window", "none", "--size", "48", "--precision", "float"
     assert run("render", texture, *shared, *subject, "-o", picture).code == 0
+    windowed = run("render", texture, "--probe", lamp, *subject, "-o", "windowed.exr")
+    share = re.search(r"without it \(--window none\) ([\d.]+)% would lack a color", windowed.err)
+    assert float(share[1]) > 1
     _, planes = read_exr(picture)
     assert all(planes[c].min() == 0 for c in "RGB")
     assert (planes["R"] > 1).any()
