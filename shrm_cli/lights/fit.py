@@ -155,9 +155,12 @@ class _Picture:
     def with_one_more(self, lit: _Lit) -> Array | None:
         """Add the disc that takes away most of what is left; None where all are there."""
         choices, own, squares = self._choices
-        # What is not in the span of the discs is never made of all choices.
-        new = squares - np.sum((lit.held.T @ own) ** 2, axis=0)
-        gains = np.sum((own.T @ lit.beside(lit.left)) ** 2, axis=1) / np.maximum(new, 1e-300)
+        # One product of both reads all choices once. What is not in the span of the discs is never
+        # made of all choices.
+        both = np.hstack([lit.held, lit.beside(lit.left)]).T @ own
+        held, left = np.split(both**2, [len(lit.shape)])
+        new = squares - held.sum(axis=0)
+        gains = left.sum(axis=0) / np.maximum(new, 1e-300)
         gains[new < _RANK**2 * squares] = 0
         best = int(np.argmax(gains))
         return np.vstack([lit.shape, choices[best]]) if gains[best] > 0 else None

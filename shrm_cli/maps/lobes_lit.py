@@ -39,8 +39,8 @@ _ORDERS_AT_ONCE, _FEW_MORE = 7, 2
 """The azimuthal orders q for which light is computed together. Lobes have as many at first, and
 more where these do not suffice. A few more take hardly longer with the others than alone."""
 _kept_light: ContextVar[Memo | None] = ContextVar("_kept_light", default=None)
-_LIGHT_BYTES = 2**27
-"""The most bytes of `keeping_light`. The light to order 512 takes 14 to 77 MB."""
+_LIGHT_BYTES = 2**28
+"""The most bytes of `keeping_light`. The light to order 512 takes 14 to 165 MB."""
 _FADING = 0.25
 """The part of the known degrees that fades out where the light goes on beyond them. A principal map
 of 1 MB of `ward:ax=0.2,ay=0.2` has 10.0 % wrong pixels under a sunrise. 12.6 % were predicted where
@@ -263,35 +263,49 @@ def _reflected(local: Sequence[Array], lobes: Array, at: Pixels) -> Array:
     """Reflect the light about central directions by lobes, (directions, views, azimuths)."""
     max_q, views = len(lobes) - 1, lobes.shape[2]
     if not lobes.any():
-        return np.zeros((local[0].shape[-1], views, at.azimuths.shape[-1]))
-    flat = lobes.transpose(0, 2, 1, 3).reshape(max_q + 1, views, -1)
-    flat = flat.astype(np.complex64 if np.iscomplexobj(flat) else np.float32)
-    parts = []
-    for light, orders in zip(local, _together(max_q), strict=True):
-        some = flat[orders.start : orders.stop]
-        if np.iscomplexobj(some):
-            both = np.concatenate([some.real, some.imag], axis=1)
-            of_real, of_imaginary = both @ light[0], both @ light[1]
-            real = of_real[:, :views] - of_imaginary[:, views:]
-            parts.append(np.stack([real, of_imaginary[:, :views] + of_real[:, views:]]))
-        else:
-            parts.append(some @ light)
-    by_q = np.concatenate(parts, axis=1).reshape(2 * (max_q + 1), -1)
+        return np.zeros((at.rings.count * at.rings.around, views, at.azimuths.shape[-1]))
+    if is_complex := np.iscomplexobj(lobes):
+        lobes = np.concatenate([lobes.real, lobes.imag], axis=2)
+    flat = lobes.transpose(0, 2, 1, 3).reshape(*lobes.shape[::2], -1).astype(np.float32)
+    # All degrees are added before waves go around the rings, which are the same for all of them.
+    real, imaginary = np.concatenate(
+        [
+            flat[orders.start : orders.stop] @ light
+            for light, orders in zip(local, _together(max_q), strict=True)
+        ],
+        axis=1,
+    )
+    sums = (real + 1j * imaginary).reshape(max_q + 1, -1, 2, at.rings.count // 2, at.rings.around)
+    if is_complex:  # those on the southern rings are conjugated in the end
+        sums = sums[:, :views] + sums[:, views:] * np.array([[[1j]], [[-1j]]], np.complex64)
+    by_q = _around(sums, at.rings)
     # The sum over both signs of q is twice the real part of that over q > 0. Lobes lack Condon and
     # Shortley's signs, which the light has.
     q = np.arange(max_q + 1)
     signs = np.where(q == 0, 1, 2) * (-1.0) ** q
     if at.azimuths.ndim == 1:
         waves = signs[:, None] * np.exp(1j * np.outer(q, at.azimuths))
-        values = by_q.T @ np.concatenate([waves.real, -waves.imag])
+        parts = np.concatenate([by_q.real, by_q.imag]).reshape(2 * len(q), -1)
+        values = parts.T @ np.concatenate([waves.real, -waves.imag])
         return np.asarray(values.reshape(views, -1, len(at.azimuths)).swapaxes(0, 1))
-    real, imaginary = signs[:, None, None] * by_q.reshape(2, max_q + 1, views, -1)
-    waves = (real + 1j * imaginary).astype(np.complex64)
     turn = np.exp(1j * at.azimuths.T).astype(np.complex64)
     values = np.zeros_like(turn)
-    for wave in waves[::-1]:  # Horner's scheme
-        values = values * turn + wave
+    for sign, wave in zip(signs[::-1].astype(np.float32), by_q[::-1], strict=True):  # Horner's
+        values = values * turn + sign * wave
     return np.asarray(values.real.T, dtype=float)
+
+
+def _around(sums: Array, rings: Rings) -> Array:
+    """Return what waves around the rings add up to at all directions, (orders q, n, directions).
+
+    `sums`, of shape (orders q, n, 2, pairs of rings, waves), are those of `_local_light`, added
+    over the degrees.
+    """
+    values = np.fft.ifft(sums, norm="forward")
+    north, south = values[:, :, 0], values[:, :, 1, ::-1].conj()
+    found = np.concatenate([north, south], axis=2).reshape(*sums.shape[:2], -1)
+    found *= np.exp(1j * np.arange(len(sums))[:, None, None] * rings.twists).astype(np.complex64)
+    return np.asarray(found)
 
 
 def _local_light(light: Array, lobes: Lobes, rings: Rings, known: object) -> list[Array]:
@@ -301,9 +315,9 @@ def _local_light(light: Array, lobes: Lobes, rings: Rings, known: object) -> lis
     world axes. `lobes` tell the largest l and q. `known` tells the light from others, where it is
     kept.
 
-    Returns arrays of shape (2, orders q, (order+1) channels, directions), of single precision, for
-    some of the orders q = 0 .. max_q each: the real and the imaginary part of ``A_lq(C)``, zero
-    where q > l.
+    Returns arrays of shape (2, orders q, (order+1) channels, waves), of single precision, for some
+    of the orders q = 0 .. max_q each: the real and the imaginary part of the waves around pairs of
+    rings that `_around` takes for ``A_lq(C)``, zero where q > l.
     """
     kept, order = _kept_light.get(), lobes.order
 
@@ -342,40 +356,34 @@ def _make_local_light(light: Array, order: int, orders: range, rings: Rings) -> 
 
     As ``d^l_mq(pi - theta) = (-1)^(l+q) d^l_-mq(theta)`` and the light is real, its ``A_lq`` on a
     southern ring follow from the northern ring of the same latitude: they are the conjugates half a
-    turn away.
+    turn away. Around a ring, orders m that differ by the number of its directions are the same
+    wave.
     """
     channels, height, around = light.shape[1], rings.count, rings.around
     middle = -(-kept_order(order) // around) * around
     m = np.arange(-middle, middle + around)
-    by_degree = np.zeros((order + 1, len(m), channels), np.complex64)
-    by_degree[:, middle - order : middle + order + 1] = complex_from_real(light, order)
     # The rings from the north to the equator, each beside the one on the other side.
     north, south = np.split(rings.turns, 2)
     starts = np.stack([north, south[::-1] + np.pi], axis=1)
-    phases = np.exp(1j * m[:, None, None] * starts).astype(np.complex64)
-    waves = np.exp(2j * np.pi / around * np.outer(np.arange(around), np.arange(around)))
-    waves = waves.astype(np.complex64)
-    q = np.array(orders)[:, None]
-    twists = np.exp(1j * q * rings.twists).astype(np.complex64).reshape(-1, 1, 1, height, around)
-    result = np.empty((2, len(orders), order + 1, channels, height, around), np.float32)
+    phases = np.exp(1j * m[:, None] * starts[:, None]).astype(np.complex64)
+    phases = phases.repeat(channels, axis=2)  # long rows of numbers take the least time
+    by_degree = np.zeros((order + 1, len(m), 2, channels), np.complex64)
+    by_degree[:, middle - order : middle + order + 1] = complex_from_real(light, order)[:, :, None]
+    by_degree = by_degree.reshape(order + 1, 1, len(m), -1)
+    result = np.empty((2, len(orders), order + 1, channels, 2, height // 2, around), np.float32)
     first = _first_degree(orders)
     result[:, :, :first] = 0.0
     for functions in _ring_functions(order, orders, rings):
         count, *_, blocks = functions.shape
         some = slice(first, first + count)
         rows = slice(middle - blocks // 2 * around, middle + (blocks // 2 + 1) * around)
-        lit = by_degree[some, rows].reshape(count, blocks, around, 1, 1, channels)
-        lit = lit * phases[rows].reshape(blocks, around, height // 2, 2, 1)
-        lit = lit.transpose(0, 2, 3, 1, 4, 5).reshape(*functions.shape[:3], blocks, -1)
-        # Around a ring, orders m that differ by the number of its directions are the same wave.
-        folded = (functions @ lit.view(np.float32)).view(np.complex64)
-        folded = folded.reshape(*folded.shape[:-1], 2, channels).transpose(3, 0, 5, 4, 2, 1)
-        found = (folded.reshape(-1, around) @ waves).reshape(*folded.shape)
-        signs = (1 - 2 * ((q + np.arange(first, first + count)) % 2)).reshape(-1, count, 1, 1, 1)
-        north, south = found[..., 0, :, :], found[..., 1, ::-1, :].conj()
-        both = np.concatenate([north, south * signs.astype(np.float32)], axis=-2) * twists
-        result[0, :, some], result[1, :, some] = both.real, both.imag
+        lit = (by_degree[some, :, rows] * phases[:, rows]).view(np.float32)
+        lit = lit.reshape(count, height // 2, blocks, around, -1).transpose(0, 3, 1, 2, 4)
+        folded = (functions @ lit).reshape(*functions.shape[:-1], 2, channels, 2)
+        result[:, :, some] = folded.transpose(6, 3, 0, 5, 4, 2, 1)
         first += count
+    is_odd = np.add.outer(orders, np.arange(order + 1)) % 2 == 1
+    result[:, is_odd, :, 1] *= -1
     return result.reshape(2, len(orders), (order + 1) * channels, -1)
 
 

@@ -314,11 +314,12 @@ def rising(maps: Maps, goal: Goal, max_size: int) -> Iterator[Candidate[Any]]:
     error, is_missed = goal.error, False
     while True:
         last = maps.candidate(error)
-        is_kept = last.keeps(goal)
-        if is_kept and is_missed and last.bytes > policy.SPARED:
+        if is_missed and last.bytes > policy.SPARED and last.keeps(goal):
             yield from _kept_ever_better(maps, goal, last.bytes - 1)
-        is_missed = not is_kept
         yield last
+        # What takes long is found out where more are asked for: bytes may tell enough.
+        is_kept = last.keeps(goal)
+        is_missed = not is_kept
         # Exact errors may miss what is asked by a little, which is not the end of the bytes.
         if last.total_error > policy.NEARLY_BEST * error or error <= policy.LEAST_ERROR:
             break

@@ -120,14 +120,14 @@ def _transform_moments(flat: Array, result: Array) -> None:
 
     def transform(part: range) -> None:
         for which, matrix, (symmetric, antisymmetric) in _make_tables(len(flat) - 1, part):
-            circle = matrix.T @ flat[which]
-            rings = symmetric.shape[-1]
-            north = circle[:, :rings]
+            # One product of all m takes far less time than one for each of them.
+            circle = np.tensordot(matrix, flat[which], (0, 1))
+            north = circle[: symmetric.shape[-1]]
             south = np.zeros_like(north)
-            south[:, :-1] = circle[:, :-rings:-1]
+            south[:-1] = circle[: -len(north) : -1]
             chosen = result[which, : symmetric.shape[1] + antisymmetric.shape[1]]
-            chosen[:, 0::2] = symmetric @ (north + south)
-            chosen[:, 1::2] = antisymmetric @ (north - south)
+            chosen[:, 0::2] = symmetric @ (north + south).swapaxes(0, 1)
+            chosen[:, 1::2] = antisymmetric @ (north - south).swapaxes(0, 1)
 
     at_once(transform, _parts(len(flat) - 1), _is_large(flat))
 

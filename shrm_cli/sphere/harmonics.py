@@ -109,24 +109,25 @@ def legendre_table(order: int, z: ArrayLike, max_m: int | None = None, first: in
     last = (order if max_m is None else max_m) + 1
     shape = last - first, order + 1 - first, *np.shape(z)
     z = np.ravel(np.asarray(z, dtype=float))
-    table = np.zeros((last - first, order + 1 - first, len(z)))
+    # Those of one l - m lie side by side, of which the recurrence in l makes the next ones.
+    table = np.zeros((order + 1 - first, last - first, len(z)))
     sine = np.sqrt((1 - z) * (1 + z))
     highest = np.full(len(z), np.sqrt(1 / (4 * np.pi)))  # f_mm
     for degree in range(min(last, order + 1)):
         if degree:
             highest = np.sqrt((2 * degree + 1) / (2 * degree)) * sine * highest
         if degree >= first:
-            table[degree - first, 0] = highest
-    # The recurrence in l goes up in all m at once, as far as each of them reaches.
+            table[0, degree - first] = highest
+    # The recurrence goes up in all m at once, as far as each of them reaches.
     m = np.arange(first, last)
     scale, back = _factors(m + np.arange(1, order - first + 1)[:, None], m)
     for above in range(1, order - first + 1):
         kept = slice(min(last, order - above + 1) - first)
-        current = table[kept, above]
-        np.multiply(scale[above - 1, kept, None] * z, table[kept, above - 1], out=current)
+        current = table[above, kept]
+        np.multiply(scale[above - 1, kept, None] * z, table[above - 1, kept], out=current)
         if above > 1:
-            current -= back[above - 1, kept, None] * table[kept, above - 2]
-    return table.reshape(shape)
+            current -= back[above - 1, kept, None] * table[above - 2, kept]
+    return table.swapaxes(0, 1).reshape(shape)
 
 
 def real_harmonics(order: int, directions: ArrayLike, first: int = 0) -> Array:

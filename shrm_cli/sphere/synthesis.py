@@ -148,24 +148,34 @@ def _fill_faces(fourier: list[Array], s: Array, result: Array) -> None:
     count, maps = fourier[0].shape[1], len(result)
     step = _rows_at_once(len(ALONG_X) * maps * result.itemsize, count, len(half))
     row_bytes = 4 * sum(map(len, _AXES)) * maps * count * result.itemsize
+    series = [_by_parity(each, result.dtype) for each in fourier]
     for block in slices(len(half), step * max(_BLOCK_BYTES // (row_bytes * step), 1)):
-        _fill_rows(fourier, half, block, step, result)
+        _fill_rows(series, half, block, step, result)
 
 
-def _fill_rows(fourier: list[Array], half: Array, block: slice, step: int, result: Array) -> None:
+def _by_parity(fourier: Array, dtype: np.dtype[Any]) -> tuple[Array, Array]:
+    """Double Fourier sums of even and of odd m, each of shape (2, m, maps, k), in a precision."""
+    even, odd = (fourier[:, parity::2].transpose(0, 1, 3, 2) for parity in (0, 1))
+    return even.astype(dtype, order="C"), odd.astype(dtype, order="C")
+
+
+def _fill_rows(
+    series: list[tuple[Array, Array]], half: Array, block: slice, step: int, result: Array
+) -> None:
     """Evaluate a block of the rows of `_fill_faces`, so many of them at once."""
-    is_large = fourier[0].size * len(half) > _LARGE
+    maps, count = series[0][0].shape[2:]
+    is_large = 2 * count**2 * maps * len(half) > _LARGE
 
     def along(axis: int) -> tuple[Array, Array]:
         quadrants = [face[0] for face in _AXES[axis]]
-        return _meridians(fourier[axis], quadrants, half[block], result.dtype)
+        return _meridians(series[axis], quadrants, half[block])
 
     parts = list(zip(_AXES, in_order(along, range(len(_AXES)), is_large), strict=True))
 
     def fill(start: int) -> None:
         rows = slice(start, min(start + step, block.stop))
         own = slice(rows.start - block.start, rows.stop - block.start)
-        same, opposite = _kept_waves(fourier[0].shape[1], half[rows], half, result.dtype)
+        same, opposite = _kept_waves(count, half[rows], half, result.dtype)
         for faces, (symmetric, antisymmetric) in parts:
             even, odd = symmetric[own] @ same, antisymmetric[own] @ opposite
             _store_rows(even, odd, faces, start, result)
@@ -211,21 +221,22 @@ def _span(indices: NDArray[np.intp]) -> slice:
 
 
 def _meridians(
-    fourier: Array, quadrants: list[int], half: Array, dtype: np.dtype[Any]
+    series: tuple[Array, Array], quadrants: list[int], half: Array
 ) -> tuple[Array, Array]:
     """Fourier coefficients in theta along the meridians through s = +-half of each quadrant.
+
+    `series` are what `_by_parity` returns.
 
     Returns `symmetric` and `antisymmetric`, each of shape (len(half), quadrants * 2 * maps, about
     order+1), coefficients of the waves that keep and that change their sign under theta -> pi -
     theta, in the order that `meridian_waves` has.
     """
-    count, maps = fourier.shape[1], fourier.shape[-1]
-    parts = []
-    for parity, waves in enumerate(longitude_waves(count, quadrants, half, dtype)):
-        series = fourier[:, parity::2].transpose(0, 1, 3, 2).astype(dtype, order="C")
-        series = series.reshape(-1, maps * count)
-        parts.append((waves @ series).reshape(len(half), -1, count))
-    a, b = parts
+    maps, count = series[0].shape[2:]
+    waves = longitude_waves(count, quadrants, half, series[0].dtype)
+    a, b = (
+        (along @ each.reshape(-1, maps * count)).reshape(len(half), -1, count)
+        for along, each in zip(waves, series, strict=True)
+    )
     return (
         np.concatenate([a[..., 0::2], b[..., 1::2]], axis=-1),
         np.concatenate([a[..., 1::2], b[..., 0::2]], axis=-1),

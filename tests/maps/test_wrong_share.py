@@ -8,9 +8,10 @@ from scipy.special import eval_legendre, sph_harm_y
 
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import ShrmWarning
+from shrm_cli.maps import lobes_lit
 from shrm_cli.maps.expansion import _sampled as sampled_lobes
 from shrm_cli.maps.lamps.map import LampMap
-from shrm_cli.maps.lobes_lit import Lobes, judged, lit, reflected
+from shrm_cli.maps.lobes_lit import Lobes, judged, keeping_light, lit, reflected
 from shrm_cli.maps.sphere_pixels import pixels, sample_views
 from shrm_cli.maps.wrong_pixels import (
     LampsBeside,
@@ -206,6 +207,24 @@ def test_light_of_many_degrees_is_known_about_every_direction():
     views = pixels("reflection").views[some]
     exact = oracles.real_harmonics(order, views.reshape(-1, 3)) @ light.sum(axis=1)
     np.testing.assert_allclose(found[some].ravel(), exact, rtol=0, atol=1e-6 * np.ptp(exact))
+
+
+def test_light_of_the_most_degrees_is_kept_at_the_most_points(monkeypatch):
+    """It takes a second. What a map shows, and what it misses, are both reflections of it."""
+    made = []
+
+    def make(light, order, orders, rings):
+        made.append(orders)
+        waves = rings.count * rings.around
+        return np.zeros((2, len(orders), (order + 1) * light.shape[1], waves), np.float32)
+
+    monkeypatch.setattr(lobes_lit, "_make_local_light", make)
+    lobes = Lobes(np.ones((7, 513, 24, 3)), np.zeros((7, 513, 24, 3)))
+    at = judged([lobes], is_dense=True)
+    with keeping_light():
+        for each in (lobes, Lobes(lobes.whole / 2, lobes.error)):
+            lit(np.zeros((513**2, 3)), [each], at)
+    assert made == [range(7)]
 
 
 def test_unknown_azimuthal_orders_are_an_error():

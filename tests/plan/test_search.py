@@ -278,6 +278,19 @@ def test_the_first_map_is_of_the_fewest_bytes_of_its_error_where_it_is_good():
     assert maps.looked_in == []
 
 
+def test_what_is_seen_of_a_map_is_not_found_before_others_are_asked_for():
+    """It takes seconds, and whoever looks at bytes alone may know enough by them."""
+    seen = []
+
+    def propose(error):
+        return Candidate("made", 10**7, 1, error, lambda: seen.append(error) or 0.9, int)
+
+    maps = rising(Made(propose), Goal(), 10**9)
+    assert (next(maps).bytes, seen) == (10**7, [])
+    next(maps)
+    assert seen[0] == 0.05
+
+
 def test_where_no_map_of_the_fewest_bytes_of_an_error_is_good_others_may_be():
     """A map of half a percent had 15 % of wrong pixels in 22 MB, where one of 1 % has 5 % in 8."""
 

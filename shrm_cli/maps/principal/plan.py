@@ -132,8 +132,8 @@ class Planner:
         The exact error counts that the functions are tabulated, and what look-ups in small cubes
         really miss; the other takes far less time.
         """
-        energies = np.diff(self.spectrum.kept(counts), prepend=0.0)
-        band = self._band(energies, size)
+        energies, beyond = self._by_degree(counts)
+        band = self._band(beyond, size)
         if is_exact:
             missing = self.spectrum.missing(counts, band.factors)
             left = missing + self.whole - self.spectrum.whole()
@@ -145,6 +145,15 @@ class Planner:
             counts, size, band, self._relative(left),
             lambda: self._relative(self._lost(counts, band, size, is_exact)),
         )  # fmt: skip
+
+    @once_each
+    def _by_degree(self, counts: Counts) -> tuple[Array, Array]:
+        """Return the energy of each degree in some functions, and what is `visible_beyond` it.
+
+        Cubes of all sizes share both.
+        """
+        energies = np.diff(self.spectrum.kept(counts), prepend=0.0)
+        return energies, self.visible_beyond(energies)
 
     def _relative(self, energy: float) -> float:
         """Return the RMS error of an energy, relative to the reflected light."""
@@ -197,12 +206,15 @@ class Planner:
         missed = float(lost_between_texels(series, size, self.sampling).sum())
         return missed / predicted if predicted > 0 else 1.0
 
-    def _band(self, energies: Array, size: int) -> Band:
-        """Return the degrees that are visible, as far as the texels support them."""
+    def _band(self, beyond: Array, size: int) -> Band:
+        """Return the degrees that are visible, as far as the texels support them.
+
+        `beyond` is what is `visible_beyond` each degree.
+        """
         order_p = 0 if self._is_zonal else 1
         ends = supported_order(size, order_p), furthest_order(size, order_p)
         known = min(self.spectrum.transfer.order_f, self.lighting.resolved_order)
-        return Band.of(self.visible_beyond(energies), *ends, known)
+        return Band.of(beyond, *ends, known)
 
     def visible_beyond(self, energies: Array) -> Array:
         """Return the RMS after each degree of light with an energy in each, relative to its mean.
@@ -214,10 +226,14 @@ class Planner:
         # A function may be wrong at some degrees, and take less than nothing from their error.
         beyond = np.append(np.cumsum(np.maximum(energies, 0)[::-1])[-2::-1], 0.0)
         rms = np.sqrt(beyond) / (4 * np.pi)
-        # The mean of the reflected light is that of the light, times that of the albedo.
+        return rms / self._mean if self._mean > 0 else np.zeros_like(rms)
+
+    @cached_property
+    def _mean(self) -> float:
+        """The mean of the reflected light, which is that of the light, times that of the albedo."""
         albedo = self.spectrum.weights @ self.spectrum.transfer.values[0, 0] / np.sqrt(np.pi) / 2
-        mean = np.max(np.abs(self.lighting.coefficients[0] * albedo)) / np.sqrt(4 * np.pi)
-        return rms / mean if mean > 0 else np.zeros_like(rms)
+        brightest = np.max(np.abs(self.lighting.coefficients[0] * albedo))
+        return float(brightest / np.sqrt(4 * np.pi))
 
     def for_tolerance(self, eps: float) -> tuple[Counts, int, float]:
         """Find the least functions, and then the least order F, that miss a part of the energy.
