@@ -15,10 +15,9 @@ Indices = NDArray[np.integer]
 _PIXELS_AT_ONCE = 2**19
 """The most pixels that are drawn at a time."""
 
-_RINGS = ((1.0, 4), (3.0, 2))
+_RINGS = ((2.0, 4),)
 """How wide rings inside the silhouette are, pixels, and how many samples their pixels have along an
-edge; other pixels have one. Of GGX of roughness .3 and a measured paint, 64 to 256 pixels wide, the
-outermost ring is off by 1 to 4 % RMS, the next two by .1 to 2.5 % and what is within by less."""
+edge; other pixels have one. The page of `shrm view` draws its spheres by the same rule."""
 
 _INSIDE = 1 / 16
 """Samples off the sphere are moved this many pixels inside the silhouette, because BRDFs have no
