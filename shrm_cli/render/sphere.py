@@ -3,23 +3,23 @@
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array, slices
 from shrm_cli.files.image import Picture
 from shrm_cli.progress import Progress, tell
 from shrm_cli.render import camera
 
-Indices = NDArray[np.integer]
-
 _PIXELS_AT_ONCE = 2**19
 """The most pixels that are drawn at a time."""
 
-_RINGS = ((2.0, 4),)
-"""How wide rings inside the silhouette are, pixels, and how many samples their pixels have along an
-edge; other pixels have one. The page of `shrm view` draws its spheres by the same rule."""
+_SAMPLES = 4
+"""Samples along the edge of a pixel on the rim; other pixels have one sample."""
 
-_INSIDE = 1 / 16
+_RIM = 2.0
+"""Width of the rim inside the silhouette, pixels."""
+
+_INSIDE = 0.25 / _SAMPLES
 """Samples off the sphere are moved this many pixels inside the silhouette, because BRDFs have no
 value on the silhouette itself, where N.V = 0."""
 
@@ -87,45 +87,43 @@ def _draw_rows(
     if not covered.any():
         return
     coverage, x, y = coverage[covered], x[covered] / radius, y[covered] / radius
-    pixels, sub_x, sub_y, weights = _samples(x, y, radius)
+    rim = np.hypot(x, y) > 1 - _RIM / radius
     # All samples go into one call, because a map contracts its coefficients with the view at
     # every call.
-    normals = camera.sphere_normals(viewer, sub_x, sub_y)
-    values = reflecting.radiance(normals, viewer.direction) * weights[:, None]
-    sphere = np.stack([np.bincount(pixels, values[:, c], len(x)) for c in range(3)], axis=-1)
+    sub_x, sub_y, weights = _rim_samples(x[rim], y[rim], radius)
+    counted = weights > 0
+    normals = camera.sphere_normals(
+        viewer,
+        np.concatenate([x[~rim], sub_x[counted]]),
+        np.concatenate([y[~rim], sub_y[counted]]),
+    )
+    values = reflecting.radiance(normals, viewer.direction)
+    inside = np.count_nonzero(~rim)
+    samples = np.zeros((*sub_x.shape, 3))
+    samples[counted] = values[inside:]
+    sphere = np.empty((len(x), 3))
+    sphere[~rim] = values[:inside]
+    sphere[rim] = np.einsum("nk,nkc->nc", weights, samples)
     rows = picture[start:stop]  # a view, so that the picture itself changes
     alpha = coverage[:, None]
     rows[covered] = alpha * sphere + (1 - alpha) * rows[covered]
 
 
-def _samples(x: Array, y: Array, radius: float) -> tuple[Indices, Array, Array, Array]:
-    """Place samples in pixels: more near the silhouette, where a pixel spans many reflections.
+def _rim_samples(x: Array, y: Array, radius: float) -> tuple[Array, Array, Array]:
+    """Place samples in pixels near the silhouette, where one pixel spans many reflections.
 
     `x` and `y`, each of shape (n,), are pixel centres, in radii. `radius` is the radius of the
     sphere in pixels.
 
-    Returns the `pixels` of samples, in 0 .. n-1, and `x`, `y` and `weights` of each, shape (m,).
-    Samples on the sphere have equal weights, which sum to 1 in each pixel. Those off it count only
-    if the sphere covers a part of the pixel but none of its samples: they are moved just inside the
-    silhouette.
+    Returns `x`, `y` and `weights`, each of shape (n, k). Samples on the sphere have equal weights,
+    which sum to 1. Samples off it are moved just inside the silhouette, and count only if the
+    sphere covers a part of the pixel but none of its samples.
     """
-    inside = (1 - np.hypot(x, y)) * radius
-    counts = np.ones(len(x), dtype=int)
-    for width, count in reversed(_RINGS):
-        counts[inside < width] = count
-    parts = []
-    for count in np.unique(counts):
-        own = np.flatnonzero(counts == count)
-        offsets = ((np.arange(count) + 0.5) / count - 0.5) / radius
-        down, right = (grid.ravel() for grid in np.meshgrid(offsets, offsets, indexing="ij"))
-        sub_x, sub_y = x[own, None] + right, y[own, None] + down
-        distance = np.hypot(sub_x, sub_y)
-        is_on = distance <= 1
-        counted = is_on | ~is_on.any(axis=-1, keepdims=True)
-        inwards = np.where(is_on, 1.0, (1 - _INSIDE / radius) / np.maximum(distance, 1))
-        shares = counted / counted.sum(axis=-1, keepdims=True)
-        pixels = np.broadcast_to(own[:, None], counted.shape)
-        found = pixels, sub_x * inwards, sub_y * inwards, shares
-        parts.append([each[counted] for each in found])
-    pixels, across, up, shares = (np.concatenate(each) for each in zip(*parts, strict=True))
-    return pixels, across, up, shares
+    offsets = ((np.arange(_SAMPLES) + 0.5) / _SAMPLES - 0.5) / radius
+    down, right = (grid.ravel() for grid in np.meshgrid(offsets, offsets, indexing="ij"))
+    x, y = x[:, None] + right, y[:, None] + down
+    distance = np.hypot(x, y)
+    is_on = distance <= 1
+    weights = is_on | ~is_on.any(axis=-1, keepdims=True)
+    inwards = np.where(is_on, 1.0, (1 - _INSIDE / radius) / distance)
+    return x * inwards, y * inwards, weights / weights.sum(axis=-1, keepdims=True)
