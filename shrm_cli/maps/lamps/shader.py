@@ -45,22 +45,28 @@ float shrm_asin(float x)
     t = s + s * q * (0.16666667 + q * (0.075 + q * t));
     return x > 0.5 ? 1.57079633 - 2.0 * t : t;
 }
+float shrm_turned(float x)
+{
+    return x - 2.0 * PI * floor(x / (2.0 * PI) + 0.5);
+}
 float shrm_sin(float x)
 {
-    float q = x * x;
+    float d = shrm_turned(x), s = max(min(d, PI - d), -PI - d), q = s * s;
     float t = q * (1.0 / 120.0 - q * (1.0 / 5040.0 - q * (1.0 / 362880.0 - q / 39916800.0)));
-    return abs(x) < 1.6 ? x - x * q * (1.0 / 6.0 - t) : sin(x);
+    return s - s * q * (1.0 / 6.0 - t);
 }
 float shrm_cos(float x)
 {
-    float q = x * x;
+    float d = abs(shrm_turned(x)), s = min(d, PI - d), q = s * s;
     float t = q * (1.0 / 24.0 - q * (1.0 / 720.0 - q * (1.0 / 40320.0 - q / 3628800.0)));
-    return abs(x) < 1.6 ? 1.0 - q * (0.5 - t) : cos(x);
+    return min(max(1e30 * (0.5 * PI - d), -1.0), 1.0) * (1.0 - q * (0.5 - t));
 }"""
 """Frames, and functions that are exact for small angles too.
 
 Shading languages allow their own sines and arc sines errors of some 5e-4, a tenth of the radius of
-a small lamp. Here they are Taylor's series as far as these converge soon.
+a small lamp. Here they are Taylor's series within a quarter of a turn. Other angles are folded
+there without a branch: renderers without a graphics device compiled one for over a minute, as each
+call stands in two loops.
 """
 # The names are those of `rule`; half is a word of shaders.
 _CUT = """\
@@ -230,7 +236,7 @@ def _lamps(lamps: LitDiscs, language: Language) -> list[str]:
     }
     lines = [line for line in filled(_LAMPS, words) if line]
     arrays = [line for name, rows in tables.items() for line in language.colors(name, rows)]
-    return [*arrays, *_FRAME.split("\n"), *functions.lines, *lines]
+    return [*arrays, *filled(_FRAME, words), *functions.lines, *lines]
 
 
 def _one_by_one(make: Callable[[int], tuple[Array, Array]], counts: Sequence[int]) -> Array:

@@ -1,5 +1,7 @@
 """The code of lamps in layers: run in C beside sums over discs, and beside the BRDFs themselves."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -115,6 +117,15 @@ def test_what_there_is_no_code_of(spec):
     made = cases.lamps(spec, make_shrm(1, 0, 2))
     with pytest.raises(MapError, match=r"none of [\w-]+, only of lambertian, ggx, .* and layers"):
         written_code(made, "glsl")
+
+
+@pytest.mark.parametrize("language", ["glsl", "hlsl", "wgsl"])
+def test_no_sines_of_the_language_are_called(language):
+    """They are inexact, and software took 77 s to compile a branch that called them."""
+    made = cases.FORMS["lamps of a table"]()
+    code = written_code(made, language, "layers").text
+    assert "shrm_sin(" in code
+    assert not re.search(r"\b(sin|cos)\(", code)
 
 
 def test_a_class_that_is_derived_from_one_may_be_another_brdf():
