@@ -446,7 +446,8 @@ def points_of_spheres(count):
 
 def check_under_real_light(path, spec, *forms):
     """Check the prediction of each form, with what is given for it, against the adaptive truth."""
-    normals, views, _ = points_of_spheres(8192)
+    # Few pixels of cloth are wrong, and in few places.
+    normals, views, _ = points_of_spheres(8192 if spec == "charlie" else 4096)
     probe = open_probe(path)
     truth = Reference(probe, parse_spec(spec)).radiance(normals, views)
     for to, given in forms:

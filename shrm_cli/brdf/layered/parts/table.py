@@ -5,8 +5,8 @@ from functools import partial
 
 import numpy as np
 
-from shrm_cli.arrays import Array
-from shrm_cli.brdf.albedo import hemisphere_rule, sampled_albedo, settled
+from shrm_cli.arrays import Array, slices
+from shrm_cli.brdf.albedo import hemisphere_rule, sampled_albedos, settled
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.vectors import interpolated, shared, sharing
 from shrm_cli.records import record
@@ -19,6 +19,8 @@ _ACCURACY = 1e-4
 _LEAST = 1e-3
 """Directions closer to the horizon, .06 degrees, are taken as this cosine."""
 _STEPS = 20
+_ROWS_AT_ONCE = 16
+"""Views for which what several BRDFs share is kept at a time."""
 _COUNTS = 32, 48, 96, 192
 """Nodes of each angle, tried until an albedo settles."""
 _ROW_COUNTS = 64, 96, 192
@@ -58,42 +60,46 @@ def transport(brdf: Brdf, views: Array, lights: Array) -> Array:
 
 def transports(brdfs: Sequence[Brdf], views: Array, lights: Array) -> Array:
     """`transport` of several BRDFs, shape (k, n, m, 3), which share their directions."""
+    angles = np.arccos(np.maximum(views, _LEAST))
     found = np.empty((len(brdfs), len(views), len(lights), 3))
-    for number, theta in enumerate(np.arccos(np.maximum(views, _LEAST)).tolist()):
+    for part in slices(len(views), _ROWS_AT_ONCE):
         with sharing():
             for brdf, rows in zip(brdfs, found, strict=True):
-                rows[number] = settled(partial(_row, brdf, theta, lights), _ACCURACY, _ROW_COUNTS)
+                sample = partial(_rows, brdf, lights)
+                rows[part] = settled(sample, angles[part], _ACCURACY, _ROW_COUNTS)
     return found
 
 
-def _nodes(theta: float, lights: Array, count: int) -> tuple[Array, ...]:
-    """Directions and weights about a view, the view, and where they lie among the lights."""
-    light, weights = hemisphere_rule(theta, count)
-    place = np.interp(light[..., 2].ravel(), lights, np.arange(len(lights)))
-    return light, weights, from_angles(theta, 0.0), place
+def _nodes(angles: Array, lights: Array, count: int) -> tuple[Array, ...]:
+    """Directions and weights about views, the views, and where they lie among the lights."""
+    light, weights = hemisphere_rule(angles, count)
+    place = np.interp(light[..., 2], lights, np.arange(len(lights)))
+    return light, weights, from_angles(angles, 0.0)[:, None, None], place
 
 
-def _row(brdf: Brdf, theta: float, lights: Array, count: int) -> Array:
-    """A row of `transport`, shape (m, 3), with a number of nodes of each angle."""
-    light, weights, view, place = shared(
-        ("nodes", theta, count), (lights,), partial(_nodes, theta, lights, count)
+def _rows(brdf: Brdf, lights: Array, angles: Array, count: int) -> Array:
+    """Rows of `transport`, shape (k, m, 3), with a number of nodes of each angle."""
+    light, weights, views, place = shared(
+        ("nodes", tuple(angles.tolist()), count), (lights,), partial(_nodes, angles, lights, count)
     )
-    values = brdf.transfer(light, view)
+    values = brdf.transfer(light, views)
     grey = values.strides[-1] == 0
     below = np.minimum(place.astype(int), len(lights) - 2)
-    row = np.zeros((len(lights), 3))
-    for channel in range(1 if grey else 3):
-        each = (values[..., channel] * weights).ravel()
-        row[:, channel] = np.bincount(below, each * (1 - place + below), len(lights))
-        row[:, channel] += np.bincount(below + 1, each * (place - below), len(lights))
-    return row[:, [0, 0, 0]] if grey else row
+    part = place - below
+    rows = np.zeros((len(angles), len(lights), 3))
+    for k, row in enumerate(rows):
+        at = below[k].ravel()
+        for channel in range(1 if grey else 3):
+            each = values[k, ..., channel] * weights[k]
+            row[:, channel] = np.bincount(at, (each * (1 - part[k])).ravel(), len(lights))
+            row[:, channel] += np.bincount(at + 1, (each * part[k]).ravel(), len(lights))
+    return rows[..., [0, 0, 0]] if grey else rows
 
 
 def albedos(brdf: Brdf, cosines: Array) -> Array:
     """The part of light from angles that a BRDF reflects, shape (n, 3)."""
-    thetas = np.arccos(np.maximum(cosines, _LEAST))
-    found = [partial(sampled_albedo, brdf, float(theta), hemisphere_rule) for theta in thetas]
-    return np.stack([settled(each, _ACCURACY, _COUNTS) for each in found])
+    angles = np.arccos(np.maximum(cosines, _LEAST))
+    return settled(partial(sampled_albedos, brdf, hemisphere_rule), angles, _ACCURACY, _COUNTS)
 
 
 def strength(matrix: Array, passing: Array, wanted: Array) -> Array:
