@@ -11,25 +11,23 @@ import numpy as np
 
 from shrm_cli.arrays import Array
 from shrm_cli.maps.principal.functions import MAX_Q
-from shrm_cli.sphere.harmonics import legendre_table, real_harmonics
+from shrm_cli.sphere.harmonics import harmonic_planes, legendre_table
 
 _CONES = 400
 """The cones of which the best one is taken."""
 
 
-def orders_in_plane(degree: int, centers: Array, across: Array) -> Array:
-    """Return what leads from harmonics in world axes to the parts of each q in a plane.
+def orders_in_plane(degree: int, centers: Array, across: Array, bundles: Array) -> Array:
+    """Take bundles of harmonics in world axes apart by the orders q that count in a plane.
 
-    `centers` and `across`, each of shape (..., 3), are orthonormal vectors of the plane.
+    `centers` and `across`, each of shape (n, 3), are orthonormal vectors of the plane. `bundles`,
+    of shape (n, bundles, 2 degree + 1, 3), are coefficients of the harmonics of the degree.
 
-    Returns an array of shape (..., degree+1, 2 degree + 1).
+    Returns an array of shape (n, bundles, degree+1, 3).
     """
     angles, inverse = plane_rule(degree)
-    rows = [
-        real_harmonics(degree, np.cos(angle) * centers + np.sin(angle) * across, first=degree)
-        for angle in angles
-    ]
-    return np.einsum("qj,...jk->...qk", inverse, np.stack(rows, axis=-2))
+    cosines, sines = np.cos(angles)[:, None, None], np.sin(angles)[:, None, None]
+    return inverse @ _values(degree, cosines * centers + sines * across, bundles)
 
 
 @lru_cache(MAX_Q + 1)
@@ -53,27 +51,26 @@ def plane_rule(degree: int) -> tuple[Array, Array]:
     return angles, np.linalg.inv(functions)
 
 
-def orders_about(degree: int, centers: Array, across: Array) -> Array:
-    """Return what leads from harmonics in world axes to the parts of each q about C.
+def orders_about(degree: int, centers: Array, across: Array, bundles: Array) -> Array:
+    """Take bundles of harmonics in world axes apart by the orders q about C.
 
     `centers` and `across`, each of shape (n, 3), are orthonormal vectors; azimuths are counted from
-    the second about the first.
+    the second about the first. `bundles`, of shape (n, bundles, 2 degree + 1, 3), are coefficients
+    of the harmonics of the degree.
 
-    Returns an array of shape (n, 2 degree + 1, 2 degree + 1): the rows are ``cos(q phi)`` for q = 0
-    .. p, and ``sin(q phi)`` for q = 1 .. p.
+    Returns an array of shape (n, bundles, 2 degree + 1, 3): the parts of ``cos(q phi)`` for q = 0
+    .. p, and of ``sin(q phi)`` for q = 1 .. p.
     """
     angle, azimuths, inverse = cone_rule(degree)
-    beside = np.cross(centers, across)
-    rows = [
-        real_harmonics(
-            degree,
-            np.cos(angle) * centers
-            + np.sin(angle) * (np.cos(azimuth) * across + np.sin(azimuth) * beside),
-            first=degree,
-        )
-        for azimuth in azimuths
-    ]
-    return np.einsum("qj,...jk->...qk", inverse, np.stack(rows, axis=-2))
+    cosines, sines = np.cos(azimuths)[:, None, None], np.sin(azimuths)[:, None, None]
+    around = cosines * across + sines * np.cross(centers, across)
+    return inverse @ _values(degree, np.cos(angle) * centers + np.sin(angle) * around, bundles)
+
+
+def _values(degree: int, directions: Array, bundles: Array) -> Array:
+    """Evaluate bundles (n, bundles, k, 3) at directions (m, n, 3): shape (n, bundles, m, 3)."""
+    harmonics = harmonic_planes(degree, directions, first=degree)
+    return np.ascontiguousarray(harmonics.T)[:, None] @ bundles
 
 
 @lru_cache(MAX_Q + 1)

@@ -52,8 +52,9 @@ _GREY = 1e-6
 """How far the functions of two channels of a grey BRDF may be apart, beside the largest one."""
 _NODES = 64
 """Gauss's nodes over the angle of the view, for conversions."""
-_VALUES_AT_ONCE = 2**22
-"""The most values of cubes that are looked up at a time, 16 MB as 32-bit floats."""
+_VALUES_AT_ONCE = 2**18
+"""The most values of cubes that are looked up at a time, so that they stay in a processor's cache:
+1 MB as 32-bit floats."""
 
 
 @record(eq=False)
@@ -153,14 +154,15 @@ class Lobe:
     def _by_order(
         self,
         look_up: LookUp,
-        turn: Callable[[int, Array, Array], Array],
+        take_apart: Callable[[int, Array, Array, Array], Array],
         centers: Array,
         across: Array,
     ) -> Iterator[tuple[slice, Array]]:
         """Yield where the functions of each degree stand, and the light by azimuthal orders.
 
-        The latter has the shape (n, bundles, orders, 3), and `turn` makes it of harmonics in world
-        axes. Bundles of a degree stand one behind the other, and are taken apart together.
+        The latter has the shape (n, bundles, orders, 3), and `take_apart` makes it of coefficients
+        of harmonics in world axes. Bundles of a degree stand one behind the other, and are taken
+        apart together.
         """
         values = look_up(centers).reshape(len(centers), -1, 3)
         cube = first = 0
@@ -171,7 +173,7 @@ class Lobe:
             place = slice(first, first + count * (p + 1))
             first = place.stop
             by_bundle = bundles.reshape(len(centers), count, 2 * p + 1, 3)
-            yield place, turn(p, centers, across)[:, None] @ by_bundle
+            yield place, take_apart(p, centers, across, by_bundle)
 
     def _plane(self, centers: Array, views: Array) -> tuple[Array, Array]:
         """Return the angles of views from central directions, and the axes that point to them.
