@@ -111,7 +111,10 @@ class UnderBorder(Brdf):
         return remembered(self, ("passing",), self._passing)
 
     def _passing(self) -> Table:
-        matrix = transport(self.term, COSINES, COSINES)
+        # One surface lies under several borders: with a film and without, in air and in a coat.
+        matrix = remembered(
+            self.term, ("transport",), lambda: transport(self.term, COSINES, COSINES)
+        )
         wanted = np.maximum(1 - self.border.albedo(), 0) * matrix.sum(axis=1)
         return Table(strength(matrix, np.ones_like(wanted), wanted))
 
