@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.cache import cached_coefficients, remembered
+from shrm_cli.brdf.cache import cached_coefficients, cached_first_order
 from shrm_cli.brdf.coefficients import (
     FIRST_ORDER_F,
     BrdfCoefficients,
+    FirstOrder,
     energy_above,
     octaves_to_come,
 )
@@ -210,12 +211,17 @@ def _sufficient_coefficients(
 
 
 def _first_order_f(brdf: Brdf) -> int:
-    """Return the order F to which coefficients are computed first, by a module that few need."""
+    """Return the order F to which coefficients are computed first."""
     if brdf.zonal or brdf.center != "reflection":
         return FIRST_ORDER_F
+    return cached_first_order(brdf, _first_order)
+
+
+def _first_order(brdf: Brdf) -> FirstOrder:
+    """Find it by a module that whoever finds it in the cache goes without."""
     from shrm_cli.brdf.lobe_expansion import first_order_f
 
-    return remembered(brdf, ("first order",), lambda: first_order_f(brdf))
+    return FirstOrder(first_order_f(brdf))
 
 
 def _is_lost_to_p(coefficients: BrdfCoefficients, most_p: Callable[[int], int] | None) -> bool:

@@ -28,19 +28,19 @@ import numpy as np
 from shrm_cli import settings
 from shrm_cli.arrays import Array, Memo
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.coefficients import BrdfCoefficients
+from shrm_cli.brdf.coefficients import BrdfCoefficients, ExpandedLobes, FirstOrder
 from shrm_cli.brdf.library import foreign_modules
 from shrm_cli.errors import ArgumentError, OutputError
 from shrm_cli.files.whole import replacing
 from shrm_cli.records import record
 from shrm_cli.sources import COEFFICIENTS, fingerprint
+from shrm_cli.vocabulary import MAX_ORDER_F
 
 if TYPE_CHECKING:
-    from shrm_cli.brdf.lobe_expansion import Expansion
     from shrm_cli.brdf.transfer import TransferFunctions
 
 Known = TypeVar("Known")
-Content = TypeVar("Content", BrdfCoefficients, "TransferFunctions", "Expansion")
+Content = TypeVar("Content", BrdfCoefficients, "TransferFunctions", ExpandedLobes, FirstOrder)
 
 MOST_BYTES = 512 * 2**20
 """The size of all entries together; those that were used longest ago make room for new ones."""
@@ -94,13 +94,22 @@ def cached_lobes(
     orders: tuple[int, int],
     counts: tuple[int, int],
     angles: tuple[float, ...],
-    compute: Callable[..., Expansion],
-) -> Expansion:
+    compute: Callable[..., ExpandedLobes],
+) -> ExpandedLobes:
     """Take lobes for some views from the cache, or expand them, as `cached_coefficients` does.
 
-    `orders`, `counts`, `angles` and `compute` are those of `expand_lobes`.
+    `orders`, `counts` and `angles` are those of `expand_lobes`, which `compute` is, or a function
+    with its parameters and result.
     """
-    return _cached(_lobes_kind(), brdf, (*orders, counts, angles), compute)
+    return _cached(_LOBES, brdf, (*orders, counts, angles), compute)
+
+
+def cached_first_order(brdf: Brdf, compute: Callable[[Brdf], FirstOrder]) -> int:
+    """Take the order F to which a BRDF is expanded first from the cache, or find it.
+
+    It takes few samples; but samples of layers need tables, which nothing else may ask for.
+    """
+    return _cached(_FIRST_ORDER, brdf, (), compute).order_f
 
 
 def remembered(brdf: Brdf, what: tuple[Hashable, ...], make: Callable[[], Known]) -> Known:
@@ -121,9 +130,9 @@ class _Kind(Generic[Content]):
     content: type[Content]
     """The dataclass."""
     most_values: Callable[..., int]
-    """Takes the parameters, of which the first two are orders; no entry of theirs has more numbers
-    in its arrays than what it returns, so that no more is read."""
-    fits: Callable[[Content, int, int], bool]
+    """Takes the parameters, of which the first two are orders if there are any; no entry of theirs
+    has more numbers in its arrays than what it returns, so that no more is read."""
+    fits: Callable[..., bool]
     """Whether an entry that was read has the two orders that are wanted."""
 
 
@@ -132,6 +141,16 @@ _COEFFICIENTS = _Kind(
     lambda order_f, order_p, _: 3 * ((order_f + 1) * ((order_p + 1) ** 2 + 1) + 1),
     lambda found, order_f, order_p: found.order_f == order_f and found.order_p in (0, order_p),
 )
+
+
+_LOBES = _Kind(
+    ExpandedLobes,
+    lambda order_f, max_q, _, views: 8 * (max_q + 1) * (order_f + 1) * len(views),
+    lambda found, order_f, max_q: (
+        found.values.shape[1] == order_f + 1 and len(found.values) % (max_q + 1) == 0
+    ),
+)
+_FIRST_ORDER = _Kind(FirstOrder, lambda: 0, lambda found: 0 < found.order_f <= MAX_ORDER_F)
 
 
 @functools.cache
@@ -147,24 +166,10 @@ def _transfer_kind() -> _Kind[TransferFunctions]:
     )
 
 
-@functools.cache
-def _lobes_kind() -> _Kind[Expansion]:
-    """Return the kind of lobes for some views."""
-    from shrm_cli.brdf.lobe_expansion import Expansion
-
-    return _Kind(
-        Expansion,
-        lambda order_f, max_q, _, views: 8 * (max_q + 1) * (order_f + 1) * len(views),
-        lambda found, order_f, max_q: (
-            found.values.shape[1] == order_f + 1 and len(found.values) % (max_q + 1) == 0
-        ),
-    )
-
-
 def _cached(
     kind: _Kind[Content],
     brdf: Brdf,
-    parameters: tuple[int, int, Any, *tuple[Any, ...]],
+    parameters: tuple[Any, ...],
     compute: Callable[..., Content],
 ) -> Content:
     """What a function computes of a BRDF, from memory, or from the cache on disk if it is there."""
@@ -270,7 +275,7 @@ def _record(brdf: Brdf, **more: Any) -> str | None:
         return None
 
 
-def _write(path: Path, key: str, content: BrdfCoefficients | TransferFunctions | Expansion) -> None:
+def _write(path: Path, key: str, content: Any) -> None:
     """Write an entry and remove old ones beyond the limit; if that fails, go on without it."""
     values = {field.name: getattr(content, field.name) for field in dataclasses.fields(content)}
     arrays = {name: value for name, value in values.items() if isinstance(value, np.ndarray)}

@@ -46,6 +46,29 @@ class Sampled:
         return accuracy_remark(self.accuracy, self.asked)
 
 
+@record
+class FirstOrder:
+    """The order F to which a BRDF is expanded first, as `lobe_expansion.first_order_f` finds it."""
+
+    order_f: int
+
+
+@record(eq=False)
+class ExpandedLobes:
+    """Lobes of several views as harmonics, with estimates of what their sampling misses."""
+
+    values: Array
+    """``2 pi`` times the integrals of ``rho_hat f_lq(theta_i) cos(q phi)`` over the light; one
+    channel for a grey BRDF, else three, shape (max_q+1, F+1, n, channels). Of an anisotropic BRDF
+    those with ``sin(q phi)`` follow, shape (2 max_q + 2, ...)."""
+    energy: Array
+    """``2 pi`` times the integrals of ``rho_hat^2``, shape (n, channels)."""
+    error_theta: Array
+    error_phi: Array
+    """`error_theta` and `error_phi`: the energy that the rules in theta_i and phi are estimated to
+    miss, of all channels, shape (n,)."""
+
+
 @record(eq=False)
 class BrdfCoefficients(Sampled):
     """Coefficients of a transfer function up to the orders F and P, and its whole energy."""

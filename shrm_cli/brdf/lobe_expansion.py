@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from shrm_cli.arrays import Array
 from shrm_cli.brdf import polar_rule
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.coefficients import FIRST_ORDER_F, both_signs, power_of_two_times
+from shrm_cli.brdf.coefficients import FIRST_ORDER_F, ExpandedLobes, both_signs, power_of_two_times
 from shrm_cli.errors import BrdfError
 from shrm_cli.progress import at_once
 from shrm_cli.records import record
@@ -117,25 +117,9 @@ def squared_lobes(
     return light, np.sum(brdf.transfer(light, view) ** 2, axis=-1)
 
 
-@record(eq=False)
-class Expansion:
-    """Lobes of several views as harmonics, with estimates of what their sampling misses."""
-
-    values: Array
-    """``2 pi`` times the integrals of ``rho_hat f_lq(theta_i) cos(q phi)`` over the light; one
-    channel for a grey BRDF, else three, shape (max_q+1, F+1, n, channels). Of an anisotropic BRDF
-    those with ``sin(q phi)`` follow, shape (2 max_q + 2, ...)."""
-    energy: Array
-    """``2 pi`` times the integrals of ``rho_hat^2``, shape (n, channels)."""
-    error_theta: Array
-    error_phi: Array
-    """`error_theta` and `error_phi`: the energy that the rules in theta_i and phi are estimated to
-    miss, of all channels, shape (n,)."""
-
-
 def expand_lobes(
     brdf: Brdf, order_f: int, max_q: int, counts: tuple[int, int], angles: tuple[float, ...]
-) -> Expansion:
+) -> ExpandedLobes:
     """Expand the lobes of a BRDF for views at angles from C, radians.
 
     `order_f` and `max_q` are the largest l and q. `counts` are the numbers of nodes in theta_i and
@@ -170,7 +154,7 @@ class LobeExpander:
 
     def expand(
         self, theta_o: Array, count: int, azimuth_count: int, azimuth: float = 0.0
-    ) -> Expansion:
+    ) -> ExpandedLobes:
         """Expand the lobes for views at angles from C.
 
         `theta_o`, of shape (n,), is in radians. `count` and `azimuth_count` are the numbers of
@@ -210,7 +194,7 @@ class LobeExpander:
         thin = sums.waved[..., len(self._orders) :]
         by_phi = np.einsum("i,ivcq,q->v", weights, thin**2, self._sign) / (2 * np.pi)
         by_theta = np.einsum("q,qlvc->v", self._sign, by_theta**2)
-        return Expansion(
+        return ExpandedLobes(
             values,
             energies[0],
             _error(by_theta / (2 * np.pi), energies[0] - energies[1]),
@@ -305,8 +289,9 @@ class Views:
     """The lobes of the views at all nodes of theta_o, as far as they are known.
 
     `levels`, of shape (n, 2), are the numbers of nodes in theta_i and phi. `values` and `energy`,
-    of shapes (max_q+1, F+1, n, channels) and (n, channels), are as `Expansion` has them. `errors`,
-    of shape (n, 2), is the energy that the rules in theta_i and phi are estimated to miss.
+    of shapes (max_q+1, F+1, n, channels) and (n, channels), are as `ExpandedLobes` has them.
+    `errors`, of shape (n, 2), is the energy that the rules in theta_i and phi are estimated to
+    miss.
     """
 
     def __init__(self, theta_o: Array, weights: Array, levels: object) -> None:
@@ -317,7 +302,7 @@ class Views:
         self._sampled = np.zeros_like(self.levels)  # the levels of what is known; 0: nothing is
         self._trust = np.ones((len(theta_o), 2))  # the errors, as parts of a third's estimates
 
-    def put(self, which: NDArray[np.intp], found: Expansion) -> None:
+    def put(self, which: NDArray[np.intp], found: ExpandedLobes) -> None:
         """Keep what was found for some of the views, at their levels.
 
         A rule that was doubled errs no more than its change tells, and one that was not doubled no
@@ -336,7 +321,7 @@ class Views:
         self.values[:, :, which], self.energy[which] = found.values, found.energy
         self._sampled[which] = self.levels[which]
 
-    def _change(self, which: NDArray[np.intp], found: Expansion) -> Array:
+    def _change(self, which: NDArray[np.intp], found: ExpandedLobes) -> Array:
         """The energy that views still miss, from their change by doubling; shape (views,)."""
         signs = both_signs(len(found.values) - 1)
         squares = np.empty((len(which), len(found.values)))

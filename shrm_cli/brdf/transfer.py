@@ -22,6 +22,7 @@ from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.coefficients import (
     BrdfCoefficients,
+    ExpandedLobes,
     Sampled,
     both_signs,
     octaves_to_come,
@@ -29,7 +30,6 @@ from shrm_cli.brdf.coefficients import (
 )
 from shrm_cli.brdf.lobe_expansion import (
     FINER,
-    Expansion,
     LobeExpander,
     Views,
     first_order_f,
@@ -286,7 +286,7 @@ class LobeSampling:
             self._expander.prepare(int(count))
             jobs = _blocks(views.levels, which[views.levels[which, 0] == count])
 
-            def expanded(block: NDArray[np.intp]) -> Expansion:
+            def expanded(block: NDArray[np.intp]) -> ExpandedLobes:
                 lights, azimuths = (int(n) for n in views.levels[block[0]])
                 return self._expander.expand(views.theta_o[block], lights, azimuths, self._azimuth)
 

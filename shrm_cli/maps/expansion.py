@@ -8,6 +8,7 @@ truncated series rings beside a lamp.
 
 from collections.abc import Sequence
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -15,8 +16,7 @@ from shrm_cli import reflected
 from shrm_cli.arrays import Array, kept_order
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.cache import cached_lobes
-from shrm_cli.brdf.coefficients import BrdfCoefficients
-from shrm_cli.brdf.lobe_expansion import expand_lobes
+from shrm_cli.brdf.coefficients import BrdfCoefficients, ExpandedLobes
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.lobes_lit import Lobes, judged, lit, together
 from shrm_cli.maps.size import (
@@ -321,7 +321,7 @@ def _sampled(brdf: Brdf, order: int, max_q: int, angles: Array, accuracy: float)
     azimuth_count = 3 * int(np.ceil(max(least_azimuths, _NODES_A_DEGREE * max_q) / 3))
     while True:
         counts = count, azimuth_count
-        found = cached_lobes(brdf, (known, max_q), counts, tuple(angles.tolist()), expand_lobes)
+        found = cached_lobes(brdf, (known, max_q), counts, tuple(angles.tolist()), _expanded)
         by_theta, by_phi = (
             each.sum() / max(found.energy.sum(), 1e-300)
             for each in (found.error_theta, found.error_phi)
@@ -333,3 +333,10 @@ def _sampled(brdf: Brdf, order: int, max_q: int, angles: Array, accuracy: float)
         if by_theta + by_phi <= accuracy or len(angles) * finer[0] * finer[1] > _MOST_SAMPLES:
             return found.values[:, : order + 1]
         count, azimuth_count = finer
+
+
+def _expanded(brdf: Brdf, *asked: Any) -> ExpandedLobes:
+    """Expand lobes, by modules that whoever finds them in the cache goes without."""
+    from shrm_cli.brdf.lobe_expansion import expand_lobes
+
+    return expand_lobes(brdf, *asked)

@@ -14,9 +14,14 @@ from shrm_cli import settings
 from shrm_cli.arrays import Memo
 from shrm_cli.brdf import cache
 from shrm_cli.brdf.base import Brdf
-from shrm_cli.brdf.cache import cached_coefficients, cached_lobes, cached_transfer
-from shrm_cli.brdf.coefficients import BrdfCoefficients
-from shrm_cli.brdf.lobe_expansion import expand_lobes
+from shrm_cli.brdf.cache import (
+    cached_coefficients,
+    cached_first_order,
+    cached_lobes,
+    cached_transfer,
+)
+from shrm_cli.brdf.coefficients import BrdfCoefficients, FirstOrder
+from shrm_cli.brdf.lobe_expansion import expand_lobes, first_order_f
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.brdf.sums import Sum
 from shrm_cli.brdf.transfer import compute_coefficients, compute_transfer
@@ -112,6 +117,28 @@ def test_lobes_are_kept_as_well(folder, spec):
     for other in [*others, (*asked[:2], (0.1, 0.7, 1.3))]:
         cached_lobes(parse_spec(spec), *other, compute)
     assert compute.calls == 5
+
+
+def of_samples(brdf):
+    return FirstOrder(first_order_f(brdf))
+
+
+@pytest.mark.parametrize("spec", ["microfacet:sigma=0.1", "coated", "ggx:f0=gold"])
+def test_the_first_order_is_kept_as_well(folder, spec):
+    """Of a coat it takes tables to find, which coefficients that are kept do not need."""
+    compute = Counted(of_samples)
+    first, again = (cached_first_order(parse_spec(spec), compute) for _ in range(2))
+    assert first == again == first_order_f(parse_spec(spec))
+    assert compute.calls == 1
+    text = entry(folder).read_bytes()
+    start = text.index(b"{")
+    impossible = json.loads(text[start:])
+    impossible["others"]["order_f"] = 10**6
+    body = json.dumps(impossible).encode()
+    body = len(body).to_bytes(4, "little") + body
+    entry(folder).write_bytes(cache._MAGIC + hashlib.sha256(body).digest() + body)
+    assert cached_first_order(parse_spec(spec), compute) == first
+    assert compute.calls == 2
 
 
 @pytest.mark.parametrize("on_disk", [True, False])

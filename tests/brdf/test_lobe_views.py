@@ -2,14 +2,15 @@
 
 import numpy as np
 
-from shrm_cli.brdf.lobe_expansion import Expansion, Views
+from shrm_cli.brdf.coefficients import ExpandedLobes
+from shrm_cli.brdf.lobe_expansion import Views
 
 
-def _found(value: float, error_theta: float, error_phi: float) -> Expansion:
+def _found(value: float, error_theta: float, error_phi: float) -> ExpandedLobes:
     """One lobe with a single coefficient, whose energy is `value`^2 / (2 pi)."""
     values = np.full((1, 1, 1, 1), value)
     errors = np.array([error_theta]), np.array([error_phi])
-    return Expansion(values, values[0, 0] ** 2 / (2 * np.pi), *errors)
+    return ExpandedLobes(values, values[0, 0] ** 2 / (2 * np.pi), *errors)
 
 
 def test_a_doubled_rule_errs_no_more_than_its_change_tells() -> None:
