@@ -13,7 +13,7 @@ from contextvars import ContextVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shrm_cli.arrays import Array, relative_rms, slices
+from shrm_cli.arrays import Array, Memo, relative_rms, slices
 from shrm_cli.sphere.directions import normalize
 from shrm_cli.sphere.quadrature import cell_edges, nodes
 from shrm_cli.vocabulary import FACES, Orientation, Sampling
@@ -145,6 +145,10 @@ _is_bilinear: ContextVar[bool] = ContextVar("_is_bilinear", default=False)
 """Whether cubes are looked up within `bilinear_filtering`."""
 
 
+_known_rims = Memo(2**24)
+"""What `_rim` returns. Faces of 64 texels take 0.8 MB."""
+
+
 class CubeSampler:
     """Cubic filtering of a cube map that takes in the neighboring faces.
 
@@ -160,18 +164,15 @@ class CubeSampler:
         self.size = size = image.shape[1]
         self.sampling = sampling if size > 1 else "center"
         faces = image.reshape(6, size, size, -1)
-        wide = np.arange(-_RIM, size + _RIM)
-        padded = np.empty((6, len(wide), len(wide), faces.shape[-1]), dtype=image.dtype)
-        inner = slice(_RIM, -_RIM)
-        padded[:, inner, inner] = faces
-        rim = np.ones((len(wide), len(wide)), dtype=bool)
-        rim[inner, inner] = False
-        rows, columns = np.nonzero(rim)
-        s, t = self._position(columns - _RIM), self._position(rows - _RIM)
-        for face, (right, down, forward) in enumerate(face_axes()):
-            outside = forward + s[:, None] * right + t[:, None] * down
-            padded[face, rows, columns] = self._on_faces(faces, outside)
+        wide = size + 2 * _RIM
+        padded: Array = np.empty((6, wide, wide, faces.shape[-1]), dtype=image.dtype)
+        padded[:, _RIM:-_RIM, _RIM:-_RIM] = faces
         self._texels = padded.reshape(-1, padded.shape[-1])
+        places, *taps = _known_rims.get((size, self.sampling), lambda: _rim(size, self.sampling))
+        inside, rim = image.reshape(-1, faces.shape[-1]), np.zeros((len(places), faces.shape[-1]))
+        for texels, weights in zip(*taps, strict=True):
+            rim += weights[:, None] * inside.take(texels, axis=0)
+        self._texels[places] = rim
 
     def __call__(self, directions: ArrayLike) -> Array:
         """Values at directions of any length, shape (..., 3): (..., channels)."""
@@ -199,26 +200,32 @@ class CubeSampler:
             result += down[:, None] * line
         return result
 
-    def _position(self, index: NDArray[np.intp]) -> Array:
-        """Positions of texels on the face, [-1, 1]; indices outside the face give others."""
-        scale, shift = texel_scale(self.size, self.sampling)
-        return np.asarray((index + shift) / scale - 1)
-
     def _index(self, position: Array) -> Array:
         return texel_index(position, self.size, self.sampling)
 
-    def _on_faces(self, faces: Array, directions: Array) -> Array:
-        """Values at directions, shape (n, 3), each interpolated within the face that it meets."""
-        face, s, t = cube_coordinates(directions)
-        count = min(4, self.size)
-        columns, across = _lagrange(self._index(s), count, self.size)
-        rows, along = _lagrange(self._index(t), count, self.size)
-        result = np.zeros((len(directions), faces.shape[-1]))
-        for i in range(count):
-            for j in range(count):
-                weight = along[i] * across[j]
-                result += weight[:, None] * faces[face, rows + i, columns + j]
-        return result
+
+def _rim(size: int, sampling: Sampling) -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:
+    """Return where the texels around the faces of a cube lie, and how faces give their values.
+
+    Returns their places among the padded faces, shape (n,); the texels of the cube that give each
+    of them its value, (k, n); and the weights of these, (k, n), in the polynomials through the
+    texels of the face that lies there.
+    """
+    wide = np.arange(-_RIM, size + _RIM)
+    is_rim = np.ones((len(wide), len(wide)), dtype=bool)
+    is_rim[_RIM:-_RIM, _RIM:-_RIM] = False
+    down, right = np.nonzero(is_rim)
+    scale, shift = texel_scale(size, sampling)
+    s, t = ((wide[each, None] + shift) / scale - 1 for each in (right, down))
+    outside = [forward + s * across + t * along for across, along, forward in face_axes()]
+    face, s, t = cube_coordinates(np.concatenate(outside))
+    count = min(4, size)
+    columns, across = _lagrange(texel_index(s, size, sampling), count, size)
+    rows, along = _lagrange(texel_index(t, size, sampling), count, size)
+    taps = list(np.ndindex(count, count))
+    texels = np.stack([(face * size + rows + i) * size + columns + j for i, j in taps])
+    weights = np.stack([along[i] * across[j] for i, j in taps])
+    return np.flatnonzero(np.tile(is_rim.ravel(), 6)), texels, weights
 
 
 def relative_change(before: Array, after: Array, old: Sampling, new: Sampling) -> float:
