@@ -133,7 +133,8 @@ class _Kind(Generic[Content]):
     """Takes the parameters, of which the first two are orders if there are any; no entry of theirs
     has more numbers in its arrays than what it returns, so that no more is read."""
     fits: Callable[..., bool]
-    """Whether an entry that was read has the two orders that are wanted."""
+    """Takes an entry that was read and the parameters: whether it is of their orders. An entry of a
+    first order is asked for without any, and fits where it is an order."""
 
 
 _COEFFICIENTS = _Kind(
