@@ -48,7 +48,12 @@ def short_repr(value: object) -> str:
 
 
 def percent(part: float) -> str:
-    """Return a part of 1 as a percentage of two digits, and of all that are before the point."""
+    """Return a part of 1 as a percentage of two digits, and of all that are before the point.
+
+    What is less than a hundredth of one percent is said to be: nobody reads powers of ten.
+    """
+    if 0 < part < 1e-4:
+        return "<0.01"
     return f"{100 * part:.2g}" if part < 0.995 else f"{100 * part:.0f}"
 
 

@@ -202,7 +202,7 @@ def test_errors_come_out_of_worker_processes():
 def test_what_functions_return_is_copied_and_pickled(tmp_path):
     """An offer is made in another process as in this one, or says why it is not."""
     light = shrm.Probe.from_array(np.ones((16, 32, 3), np.float32))
-    (choice,) = shrm.choose(light, "0.5*lambertian+0.5*ggx:roughness=0.8")
+    (choice,) = shrm.choose(light, "0.5*lambertian+0.5*phong:exponent=8")
     again = pickle.loads(pickle.dumps(choice))
     assert again == choice == copy.deepcopy(choice)
     views = np.array([0.0, 0.6, 0.8])

@@ -90,6 +90,7 @@ def test_no_table_is_made_that_does_not_fit():
     assert "lamps" not in dict(asked(1_100_000).notes)
 
 
+@pytest.mark.proof
 def test_no_shrm_loses_the_bytes_that_lamps_beside_a_map_win(monkeypatch):
     """It may take the place of a map of functions, but not with more bytes than are worth it."""
     light = probe()

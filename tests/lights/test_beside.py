@@ -158,7 +158,9 @@ def boxes(rows=128):
     return pixels
 
 
-@pytest.mark.parametrize("brdf", ["ggx:roughness=0.4", "ggx:roughness=0.4,anisotropy=0.6"])
+@pytest.mark.parametrize("brdf", [
+    "ggx:roughness=0.4", pytest.param("ggx:roughness=0.4,anisotropy=0.6", marks=pytest.mark.proof),
+])  # fmt: skip
 def test_what_discs_change_is_seen_though_the_error_is_small(brdf, monkeypatch):
     """Of all light the box is little, and a disc in its place is seen all around it."""
     monkeypatch.setattr(shape, "MOST_OF_LAMP", 0)
@@ -174,6 +176,7 @@ def test_what_discs_change_is_seen_though_the_error_is_small(brdf, monkeypatch):
     assert seen_beside(by_pixels) <= 1.1 * policy.WRONG_BESIDE * 0.05
 
 
+@pytest.mark.proof
 def test_discs_are_good_enough_for_brushed_metal_in_a_dark_studio():
     """They seemed wrong at 14 % of the points, and maps that held their corners had black rims."""
     boxes, points = np.zeros((128, 256, 3), np.float32), sphere_pixels.pixels("reflection")

@@ -51,6 +51,7 @@ def test_centers_are_where_they_are_asked_for(center, is_brushed):
     np.testing.assert_allclose(cosines, np.broadcast_to(np.cos(angles), cosines.shape), atol=1e-9)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("center", CENTERS)
 def test_lobes_that_show_the_light_along_the_tangent(center, rng):
     """Of anisotropic lobes the azimuth counts: all degrees and orders, at all points."""

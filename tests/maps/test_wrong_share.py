@@ -121,6 +121,7 @@ def test_it_is_what_brute_force_counts(light, to, spec, rho_hat, given, range_):
     assert made.summary()["predicted_wrong_share"] == pytest.approx(expected, rel=0.1, abs=0.03)
 
 
+@pytest.mark.proof
 def test_high_degrees_of_a_broad_lobe_with_a_peak_are_no_noise():
     """A coat of roughness .1 over matte paint, seen along the normal, where its lobe is zonal."""
     brdf, degrees = parse_spec("coated"), np.array([0, 50, 380, 450, 500])
@@ -482,6 +483,7 @@ def low_sun():
     return np.float32(sky[..., None] * [1, 0.9, 0.8])
 
 
+@pytest.mark.proof
 def test_brushed_surfaces_are_judged_as_spheres_are_drawn():
     """Of them more pixels are wrong than of meshes that are brushed in all directions."""
     spec, probe = "ggx:roughness=0.5,anisotropy=0.8", Probe.from_array(low_sun())

@@ -447,6 +447,16 @@ def test_both_errors_are_judged():
 
 
 @pytest.mark.parametrize(
+    ("error", "text"),
+    [(0.0, "0"), (9.1e-8, "<0.01"), (1e-4, "0.01"), (0.0523, "5.2"), (0.996, "100"), (3.1, "310")],
+)
+def test_errors_are_said_without_powers_of_ten(error, text):
+    assert rough(1, error, 0.3).errors_text == (
+        f"{text}% RMS error and 30% of pixels wrong by more than 5%"
+    )
+
+
+@pytest.mark.parametrize(
     ("share", "missed", "kept_too", "is_worth"),
     [
         # Of a map that keeps what is asked a tenth of the bytes is worth it, where all is kept.

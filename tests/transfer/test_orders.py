@@ -55,7 +55,7 @@ def evenly(count):
 
 
 def test_what_orders_miss_is_what_the_irradiance_of_random_lights_misses():
-    mesh, directions, last = room(9), evenly(40_000), ORDERS[-1]
+    mesh, directions, last = room(9), evenly(10_000), ORDERS[-1]
     sites = sites_of(mesh)
     seen = through_the_opening(sites.origins, mesh.normals, directions)
     transfer = seen @ real_harmonics(last, directions)

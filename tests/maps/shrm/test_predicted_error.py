@@ -35,7 +35,7 @@ def write(path, image):
     OpenEXR.File(header, channels).write(str(path))
 
 
-@pytest.mark.parametrize("sigma", [0.2, 0.5])
+@pytest.mark.parametrize("sigma", [0.2, pytest.param(0.5, marks=pytest.mark.proof)])
 @pytest.mark.parametrize("name", ["city", "interior", "studio", "sunset"])
 @pytest.mark.parametrize("height", [64, pytest.param(HEIGHT, marks=pytest.mark.proof)])
 def test_measured_error_is_the_predicted_one(real_probes, tmp_path, height, name, sigma):
