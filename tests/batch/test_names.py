@@ -89,6 +89,17 @@ def test_a_file_of_the_users_own_is_kept(folder):
     assert is_output("p0.irradiance.exr")
 
 
+def test_what_begins_with_a_separator_keeps_it(folder):
+    """Only a separator that an empty `{folder}` leaves at the front is cut off."""
+    for name in ("_p0.exr", "-p0.exr", ".p0.exr"):
+        (folder / "p0.exr").rename(folder / name)
+        for output, made in (("{probe}.exr", name), ("{folder}/{probe}.{to}.exr", None)):
+            entry = Entry((str(folder / name),), to=("irradiance",), output=output)
+            named = made or name.replace(".exr", ".irradiance.exr")
+            assert [job.output for job in entry.jobs()] == [named]
+        (folder / name).rename(folder / "p0.exr")
+
+
 @pytest.fixture
 def server(tmp_path):
     """A web server with a page of links; a function sets the page."""
