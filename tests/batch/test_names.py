@@ -5,6 +5,7 @@ import http.server
 import json
 import threading
 from importlib import import_module
+from pathlib import Path
 
 import pytest
 
@@ -64,6 +65,19 @@ def test_a_second_run_in_the_folder_of_the_probes_makes_nothing(folder):
     named = run("batch", "p0.phong.shrm.exr", *IRRADIANCE)
     assert named.code == 1
     assert "p0.phong.shrm.exr: " in named.err
+
+
+def test_files_of_farms_are_no_probes(folder):
+    for flag, name in (("--commands", "jobs.txt"), ("--commands", "jobs"), ("--openjd", "j.yaml")):
+        assert run("batch", "*.exr", *IRRADIANCE[:2], flag, name).code == 0
+    (folder / "light.txt").write_text("1 1 1\n")
+    left_out = []
+    assert [Path(name).name for name, _ in found_probes(("*",), left_out)] == [
+        "light.txt",
+        "p0.exr",
+        "p1.exr",
+    ]
+    assert left_out == ["j.yaml", "jobs", "jobs.txt"]
 
 
 def test_patterns_that_match_outputs_alone_are_refused(folder):
