@@ -264,11 +264,15 @@ class Entry:
         is_plain = recipe.to == EXPORT and self.output == DEFAULT_OUTPUT
         template = DEFAULT_FOLDER if is_plain else self.output
 
-        def put(found: re.Match[str]) -> str:
-            separator, name = found.groups()
+        def without_empty(found: re.Match[str]) -> str:
+            name = found[2]
             if name not in values:
                 known = ", ".join(f"{{{each}}}" for each in FIELDS)
                 raise OutputError(f"{self.output}: {{{name}}} stands for nothing; give {known}")
+            return found[0] if values[name] else ""
+
+        def put(found: re.Match[str]) -> str:
+            separator, name = found.groups()
             value = values[name]
             if why := unsound(value):  # as names in a server's listing may be
                 raise ProbeError(
@@ -276,11 +280,12 @@ class Entry:
                     f"the folder of the outputs ({why}); leave that probe out, or name it another "
                     "way"
                 )
-            return separator + value if value else ""
+            return separator + value
 
-        made = _FIELD.sub(put, template)
-        is_cut = template.startswith("{") and made[:1] in _SEPARATORS
-        return made[1:] if is_cut else made
+        left = _FIELD.sub(without_empty, template)
+        # A separator is cut off before the values are put in, which may begin with one: `_sky.exr`.
+        is_cut = template.startswith("{") and left[:1] in _SEPARATORS
+        return _FIELD.sub(put, left[1:] if is_cut else left)
 
 
 def every_engine(names: Iterable[str]) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ whatever order its folder is listed in, and files that come later move no others
 
 import hashlib
 import json
+import os
 import re
 import shlex
 from collections.abc import Sequence
@@ -44,6 +45,19 @@ def parse_part(text: str) -> tuple[int, int, int]:
     )
 
 
+_COMMAND = "shrm batch --share "
+"""What all lines of a list begin with."""
+
+
+def is_list(path: str | os.PathLike[str]) -> bool:
+    """Whether a file is a list of commands that `command_lines` gave."""
+    try:
+        with open(path, "rb") as stream:
+            return stream.read(len(_COMMAND)) == _COMMAND.encode()
+    except OSError:
+        return False
+
+
 def command_lines(arguments: Sequence[str], parts: int) -> list[str]:
     """Return a line of a POSIX shell for every part of a batch.
 
@@ -52,7 +66,7 @@ def command_lines(arguments: Sequence[str], parts: int) -> list[str]:
     """
     _check(arguments, "commands")
     words = shlex.join(arguments)
-    return [f"shrm batch --share {part}/{parts} {words}" for part in range(1, parts + 1)]
+    return [f"{_COMMAND}{part}/{parts} {words}" for part in range(1, parts + 1)]
 
 
 def openjd_template(arguments: Sequence[str], parts: int) -> str:

@@ -165,6 +165,7 @@ def _text(value: Any) -> str:
 
 _NO_PROBES = (
     ".json", ".jsonl", ".npz", ".parquet", ".html", ".htm", ".ktx", ".ktx2", ".env", ".usda", ".md",
+    ".yaml", ".yml",
     ".bsdf", ".binary", ".gif", ".apng", ".mp4", ".obj", ".ply", ".stl", ".glb", ".gltf", ".part",
 )  # fmt: skip
 """Suffixes of other files that commands write or read, and that few probes have."""
@@ -172,6 +173,8 @@ _MAY_BE_PROBES = (".json", ".usda")
 """Suffixes that some probes have: coefficients, as of a LightProbe of three.js, and stages."""
 RECORD = "_export.json"
 """What the names of a batch's records of exports end in."""
+_OF_FARMS = ("", ".txt", ".sh")
+"""Suffixes that lists of commands for farms mostly have."""
 _README = "_README.md"
 _MOST_README = 2**16
 
@@ -211,7 +214,11 @@ def without_outputs(names: Iterable[str], pattern: str = "") -> tuple[list[str],
 
 
 def _is_made(name: str) -> bool:
-    """Whether a file says that it is a map, a table or a picture that `shrm` made."""
+    """Whether a file says that it is a map, a table, a picture or a list that `shrm` made."""
+    if os.path.splitext(name)[1].lower() in _OF_FARMS:
+        from shrm_cli.batch.farm import is_list
+
+        return is_list(name)
     if name.lower().endswith(".png"):
         from shrm_cli.files.png import is_ours
 

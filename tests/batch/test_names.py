@@ -5,6 +5,7 @@ import http.server
 import json
 import threading
 from importlib import import_module
+from pathlib import Path
 
 import pytest
 
@@ -66,6 +67,19 @@ def test_a_second_run_in_the_folder_of_the_probes_makes_nothing(folder):
     assert "p0.phong.shrm.exr: " in named.err
 
 
+def test_files_of_farms_are_no_probes(folder):
+    for flag, name in (("--commands", "jobs.txt"), ("--commands", "jobs"), ("--openjd", "j.yaml")):
+        assert run("batch", "*.exr", *IRRADIANCE[:2], flag, name).code == 0
+    (folder / "light.txt").write_text("1 1 1\n")
+    left_out = []
+    assert [Path(name).name for name, _ in found_probes(("*",), left_out)] == [
+        "light.txt",
+        "p0.exr",
+        "p1.exr",
+    ]
+    assert left_out == ["j.yaml", "jobs", "jobs.txt"]
+
+
 def test_patterns_that_match_outputs_alone_are_refused(folder):
     assert run("batch", "*.exr", *IRRADIANCE).code == 0
     with pytest.raises(ProbeError, match="matches no probe, only 2 files that shrm made"):
@@ -87,6 +101,17 @@ def test_a_file_of_the_users_own_is_kept(folder):
     assert run("batch", "p0.exr", *IRRADIANCE, "--dry-run").code == 1
     assert run("batch", "p0.exr", *IRRADIANCE, "--force").code == 0
     assert is_output("p0.irradiance.exr")
+
+
+def test_what_begins_with_a_separator_keeps_it(folder):
+    """Only a separator that an empty `{folder}` leaves at the front is cut off."""
+    for name in ("_p0.exr", "-p0.exr", ".p0.exr"):
+        (folder / "p0.exr").rename(folder / name)
+        for output, made in (("{probe}.exr", name), ("{folder}/{probe}.{to}.exr", None)):
+            entry = Entry((str(folder / name),), to=("irradiance",), output=output)
+            named = made or name.replace(".exr", ".irradiance.exr")
+            assert [job.output for job in entry.jobs()] == [named]
+        (folder / name).rename(folder / "p0.exr")
 
 
 @pytest.fixture
