@@ -37,17 +37,19 @@ def light() -> None:
 @option(
     "--set numbers", COEFFICIENT, "Replace the coefficient of degree L and order M.", multiple=True
 )
-@option("--scale", RADIANCE, "Multiply the light: a number, or three.")
+@option("--scale", RADIANCE, "Multiply the light: a number, or three.", multiple=True)
 @option(
     "--dim", DIMMING, multiple=True,
     help="Multiply the light about a direction by X, half of the way at W degrees from it (30).",
 )  # fmt: skip
-@option("--rotate", TURN, "Turn the light about x, y, z or an axis X/Y/Z.")
+@option("--rotate", TURN, "Turn the light about x, y, z or an axis X/Y/Z.", multiple=True)
 @option("--add LIGHT", PATH, "Add another light.", multiple=True)
 @options.probe_options
 @options.report_options
 def edit(file: str, output: str, add: tuple[str, ...], order: int | None, **values: Any) -> None:
     """Edit LIGHT: set, scale, dim and rotate it, in this order, and then add others.
+
+    Each may be given several times, and is done as often, one after the other.
 
     LIGHT is a file of coefficients, an irradiance map, a light file or a light probe. What is
     written beside it as a light file has its images and discs; all else is coefficients, which
@@ -83,23 +85,22 @@ def edit(file: str, output: str, add: tuple[str, ...], order: int | None, **valu
 
 
 def _edit(values: dict[str, Any]) -> shrm.Edit:
-    """Return what the options ask for; they are taken out of the values."""
+    """Return what the options ask for, which are taken out of the values."""
     import numpy as np
 
     from shrm_cli.sphere.directions import from_azimuth_elevation, turn_about
 
-    scale, rotate = values.pop("scale"), values.pop("rotate")
+    scale, turned = np.ones(3), np.eye(3)
+    for factor in values.pop("scale"):
+        scale = scale * factor
+    for axis, degrees in values.pop("rotate"):
+        turned = turn_about(axis, degrees) @ turned
     dims = [
         shrm.Dimming(from_azimuth_elevation(*direction), factor, width)
         for direction, factor, width in values.pop("dim")
     ]
     numbers = [(index, np.broadcast_to(rgb, 3)) for index, rgb in values.pop("numbers")]
-    return shrm.Edit(
-        numbers,
-        np.broadcast_to(1.0 if scale is None else scale, 3),
-        dims,
-        np.eye(3) if rotate is None else turn_about(*rotate),
-    )
+    return shrm.Edit(numbers, scale, dims, turned)
 
 
 def _edited_tables(

@@ -77,6 +77,17 @@ def test_an_image_becomes_coefficients(folder):
     np.testing.assert_allclose(light("b.txt", 6), expected, atol=1e-12)
 
 
+def test_what_is_given_twice_is_done_twice(folder):
+    """In the order of the command line, in which the first ones were dropped without a word."""
+    twice = "--rotate", "y:70", "--scale", "2", "--rotate", "x:40", "--scale", "3,1,0.5"
+    done("light", "edit", "a.npy", *twice, "-o", "both.npy")
+    done("light", "edit", "a.npy", *twice[:4], "-o", "first.npy")
+    done("light", "edit", "first.npy", *twice[4:], "-o", "then.npy")
+    np.testing.assert_allclose(light("both.npy", 2), light("then.npy", 2), atol=1e-12)
+    done("light", "edit", "a.npy", *twice[4:], *twice[:4], "-o", "other.npy")
+    assert np.abs(light("other.npy", 2) - light("both.npy", 2)).max() > 0.1
+
+
 @pytest.mark.parametrize("name", ["room.exr", "a.npy"])
 def test_images_and_coefficients_are_scaled_in_a_light_file(folder, name):
     """What brings a probe into the range of a format is one command, and loses no pixel."""
