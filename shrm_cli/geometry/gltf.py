@@ -32,6 +32,7 @@ from shrm_cli.records import record
 
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 _TRANSFORMS = {"matrix": 16, "translation": 3, "rotation": 4, "scale": 3}
+_INSTANCES = "EXT_mesh_gpu_instancing"
 _MOST_PRIMITIVES = 2**12
 """The most primitives, each of which becomes a mesh of its own."""
 _MOST_BLENDED = 2**26
@@ -40,8 +41,11 @@ _NO_ROWS = np.zeros(0, np.int64)
 """Rows of the vertices of the file are found once for all parts."""
 _MOST_STEPS = 64
 """The most nodes on the way from the root of a scene to a mesh."""
-_KNOWN = ("KHR_materials_", "KHR_texture_", "KHR_lights_", "KHR_mesh_quantization", "EXT_texture_")
-"""Beginnings of extensions without which the shape of a mesh is the same."""
+_KNOWN = (
+    "KHR_materials_", "KHR_texture_", "KHR_lights_", "KHR_mesh_quantization", "EXT_texture_",
+    _INSTANCES,
+)  # fmt: skip
+"""Beginnings of extensions that are read, or without which the shape of a mesh is the same."""
 
 
 def read_gltf(name: str, data: bytes) -> Mesh:
@@ -151,7 +155,8 @@ class _File:
             parts[gltf.index_in(node["mesh"], parts)] if "mesh" in node else []
             for node in self._nodes
         ]
-        count = sum(map(len, drawn))
+        instances = [self._instances(node) for node in self._nodes]
+        count = sum(len(some) * _count(each) for some, each in zip(drawn, instances, strict=True))
         if count > gltf.MOST_ITEMS:  # to place them all would take long
             raise MeshError(f"{self._name}: its nodes show {count:,} primitives; join its meshes")
         places = self._places()
@@ -160,7 +165,9 @@ class _File:
             for each, some in enumerate(drawn)
             if some and each in places and places[each][:3, :3].any()
         ]
-        total = sum(len(part.faces) for _, some, _ in shown for part in some)
+        total = sum(
+            len(part.faces) * _count(instances[each]) for each, some, _ in shown for part in some
+        )
         if total > MOST_FACES:
             raise too_many(self._name, total)
         made: dict[int, Mesh] = {}
@@ -173,7 +180,10 @@ class _File:
                     continue
                 if id(part) not in made:
                     made[id(part)] = part.mesh(self._name)
-                meshes.append(made[id(part)].transformed(places[each]))
+                meshes += [
+                    made[id(part)].transformed(places[each] @ own)
+                    for own in _matrices(instances[each])
+                ]
         if not meshes:
             raise self._empty()
         found = joined(self._name, meshes)
@@ -308,6 +318,19 @@ class _File:
             steps += [(child, places[number], depth + 1) for child in self._children(node)]
         return places
 
+    def _instances(self, node: gltf.Json) -> dict[str, Array]:
+        """Return the transforms of the instances of a node's mesh, or none of a mesh by itself."""
+        extension = gltf.table(gltf.table(node.get("extensions", {})).get(_INSTANCES, {}))
+        given = gltf.table(extension.get("attributes", {}))
+        found: dict[str, Array] = {
+            key: self._accessors.values(given[key.upper()], f"VEC{_TRANSFORMS[key]}")
+            for key in ("translation", "rotation", "scale")
+            if key.upper() in given
+        }
+        if len({len(each) for each in found.values()}) > 1:
+            raise ValueError("instances of different numbers")
+        return found
+
     def _children(self, node: gltf.Json) -> list[int]:
         return [gltf.index_in(each, self._nodes) for each in gltf.list_of(node, "children")]
 
@@ -333,6 +356,17 @@ class _File:
             raise ValueError("less matrices than joints")
         # The file has columns one after the other.
         return result @ np.swapaxes(rest[: len(result)].reshape(-1, 4, 4), 1, 2)
+
+
+def _count(instances: dict[str, Array]) -> int:
+    """Return how often a node shows its mesh."""
+    return len(next(iter(instances.values()), [0]))
+
+
+def _matrices(instances: dict[str, Array]) -> Iterator[Array]:
+    """Yield the matrices from the axes of a mesh to those of its node, for each instance."""
+    for each in range(_count(instances)):
+        yield _matrix({key: values[each] for key, values in instances.items()})
 
 
 def _matrix(node: gltf.Json) -> Array:

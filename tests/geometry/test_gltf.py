@@ -123,6 +123,44 @@ def test_what_a_node_hides_is_not_drawn(tmp_path):
     assert file.load(tmp_path).bounds.tolist() == [[0, 0, 0], [1, 1, 1]]
 
 
+def test_instances_are_where_their_attributes_put_them(tmp_path):
+    """Turned about +Y by integers that stand for fractions, before the node moves them all."""
+    file = File(node={"translation": [10, 0, 0]})
+    turns = np.round(32767 * np.array([[0, 0, 0, 1], [0, np.sqrt(0.5), 0, np.sqrt(0.5)]]))
+    attributes = {
+        "TRANSLATION": file.accessor([[0, 0, 0], [0, 5, 0]]),
+        "ROTATION": file.accessor(turns, "i2", normalized=True),
+        "SCALE": file.accessor([[1, 1, 1], [2, 3, 4]]),
+    }
+    extension = {"EXT_mesh_gpu_instancing": {"attributes": attributes}}
+    file.tree["nodes"][0]["extensions"] = extension
+    file.tree["extensionsRequired"] = list(extension)
+    corners = TETRAHEDRON[0]
+    x, y, z = (corners * [2, 3, 4]).T
+    expected = np.concatenate([corners, np.stack([z, y + 5, -x], axis=-1)])
+    expected[:, 0] += 10
+    found = file.load(tmp_path).vertices
+    assert {tuple(each) for each in found.round(3)} == {tuple(each) for each in expected.round(3)}
+    attributes["SCALE"] = file.accessor([[1, 1, 1]])
+    with pytest.raises(MeshError, match="instances of different numbers"):
+        file.load(tmp_path)
+
+
+def test_instances_are_counted_before_they_are_placed(tmp_path, monkeypatch):
+    monkeypatch.setattr(gltf_json, "MOST_ITEMS", 7)
+    for count in (7, 8):
+        file = File()
+        attributes = {"TRANSLATION": file.accessor(np.zeros((count, 3)))}
+        file.tree["nodes"][0]["extensions"] = {
+            "EXT_mesh_gpu_instancing": {"attributes": attributes}
+        }
+        if count == 7:
+            assert len(file.load(tmp_path).faces) == 7 * len(TETRAHEDRON[1])
+            continue
+        with pytest.raises(MeshError, match="show 8 primitives"):
+            file.load(tmp_path)
+
+
 def test_units_may_be_of_any_size(tmp_path):
     """A node takes a mesh of a billion units to a hundredth of one."""
     mesh = File(TETRAHEDRON[0] * 1e9, node={"scale": [1e-11] * 3}).load(tmp_path)
