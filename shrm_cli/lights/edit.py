@@ -137,8 +137,11 @@ class Edit:
     def __post_init__(self) -> None:
         check_fields(self)
 
-    def of_coefficients(self, coefficients: Array) -> Array:
-        """Return the coefficients of the light after it.
+    def of_coefficients(self, coefficients: Array, order: int | None = None) -> Array:
+        """Return the coefficients of the light after it, to `order`, by default their own.
+
+        What is dimmed mixes degrees, so that the first ones are nearer to those of the dimmed light
+        where more are given than returned.
 
         Raises
         ------
@@ -146,16 +149,18 @@ class Edit:
             If a coefficient is to be replaced that there is not.
         """
         found = np.array(coefficients, dtype=float)
+        order = order_of(len(found)) if order is None else order
         for index, value in self.numbers:
-            if index >= len(found):
+            if index >= (order + 1) ** 2:
                 raise ProbeError(
-                    f"the light has order {order_of(len(found))}, so that there is no coefficient "
+                    f"the light has order {order}, so that there is no coefficient "
                     f"{order_of_index(index)}; raise `order`"
                 )
             found[index] = value
         found *= self.scale
         for dimming in self.dimmings:
             found = dimming.of(found)
+        found = found[: (order + 1) ** 2]
         is_turned = not np.array_equal(self.turn, np.eye(3))
         return transform_coefficients(found, self.turn) if is_turned else found
 
@@ -231,6 +236,10 @@ def order_of_index(index: int) -> str:
 
 _ORDER = 4
 """The order that light files and images are projected to."""
+_DIMMED_ORDER = 32
+"""The order to which light is known while it is dimmed, whatever is left of it. Of a sun that is a
+few pixels, few degrees show light everywhere: dimmed beside the sun, 9 coefficients would lose a
+tenth of its light, which is not there."""
 
 
 def edit_light(
@@ -281,12 +290,13 @@ def edit_light(
         ]
         orders = [order_of(len(each)) for each in known if each is not None]
         order = max(orders) if len(orders) == len(probes) else max([_ORDER, *orders])
-    lights = []
-    for each in probes:
+    known_order = max(order, _DIMMED_ORDER) if edit.dimmings else order
+    lights = [edit.of_coefficients(project(probes[0], known_order).coefficients, order)]
+    for each in probes[1:]:
         matrix = conversion(each.chromaticities, probes[0].chromaticities)
         found = project(each, order).coefficients
         lights.append(found if matrix is None else found @ matrix.T)
-    total = sum_of([edit.of_coefficients(lights[0]), *lights[1:]])
+    total = sum_of(lights)
     warnings = [line for each in probes for line in each.warnings()]
     colors = probes[0].chromaticities
     if not same_primaries(colors, None):

@@ -316,6 +316,17 @@ def open_picture(
     return replace(opened, encoding=Encoding()) if as_stored else opened
 
 
+def _archive(path: Path) -> str:
+    """Say what an archive holds that is given in the place of a probe, and where it belongs."""
+    from shrm_cli.files import npz
+
+    if npz.holds(path, {"reflected", "direct", "box", "settings"}):
+        return "a grid of probes, not one; shrm render draws what stands among them"
+    if npz.holds(path, {"vectors", "albedo", "settings"}):
+        return "what a mesh does to light, not light; give it to `transfer` of shrm render"
+    return "an archive, not an image; tables belong to `brdf`"
+
+
 def _opened(path: Path) -> Any:
     """Return OpenImageIO's reader of a file, or tell why there is none."""
     source = open_input(path)
@@ -328,7 +339,7 @@ def _opened(path: Path) -> Any:
     except UnicodeDecodeError:  # the library quotes the file's bytes
         why = "damaged"
     if is_zipfile(path):  # of which that reason says nothing
-        raise ProbeError(f"{path}: an archive, not an image; tables belong to `brdf`")
+        raise ProbeError(f"{path}: {_archive(path)}")
     with open(path, "rb") as stream:  # tables in .npz are ZIPs, which may be cut
         is_archive = stream.read(4) == b"PK\x03\x04"
     if is_archive:

@@ -81,6 +81,10 @@ class Moment:
         if first is not None and self.values:
             first = first.with_values(self.values)
             second = second and second.with_values(self.values)
+        return self._relit(first, second)
+
+    def _relit(self, first: Any, second: Any) -> Any:
+        """Move the light alone: who reflects it has told which of its parts take the values."""
         if first is None or (self.turn is None and second is None):
             return first
         if isinstance(first, VertexColors):
@@ -88,10 +92,10 @@ class Moment:
         if isinstance(first, Reflector):
             return replace(
                 first,
-                map=self._moved(first.map, second and second.map),
-                shown=self._moved(first.shown, second and second.shown),
-                irradiance=self._moved(first.irradiance, second and second.irradiance),
-                varied=self._moved(first.varied, second and second.varied),
+                map=self._relit(first.map, second and second.map),
+                shown=self._relit(first.shown, second and second.shown),
+                irradiance=self._relit(first.irradiance, second and second.irradiance),
+                varied=self._relit(first.varied, second and second.varied),
                 is_boxed=False,
             )
         if isinstance(first, InGrid):

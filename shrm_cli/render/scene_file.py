@@ -36,6 +36,7 @@ from shrm_cli.geometry.mesh import Mesh, SurfaceMaterial
 from shrm_cli.geometry.paint import Paint
 from shrm_cli.geometry.textures import Shelf
 from shrm_cli.maps.base import Map
+from shrm_cli.maps.kinds import MaterialMap
 from shrm_cli.probe.light_file import stays_below
 from shrm_cli.records import record
 from shrm_cli.render.lit import reflectance
@@ -178,6 +179,11 @@ def _actor(
         _brush(given.get("brush")), _vary(folder, _text(given, folder, "vary")),
         _plain(given.get("plain", False)), _number(given, "anisotropy", 0), _taps(given),
     )  # fmt: skip
+    if isinstance(shown.map, MaterialMap):
+        raise ValueError(
+            f"{own} holds no light, and `probe` lights no maps of objects; leave the map out, and "
+            "name it before the scene, or make one with light by shrm prefilter PROBE --to product"
+        )
     if shown.brush == "uv" and mesh.uvs is None:
         raise ValueError(f"brush cannot be uv: {mesh.name} has no texture coordinates; name others")
     light = shown.map or (maps[0] if maps else None)

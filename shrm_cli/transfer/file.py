@@ -100,9 +100,9 @@ def read_transfer(path: str | os.PathLike[str]) -> Transfer:
     with npz.checked_archive(Path(path), TransferError, missing, _AGAIN) as archive:
         arrays = archive.those_of(_DIMENSIONS)
         texels = _texels(archive) if "rows" in archive.names else None
+        if "settings" in archive.names and not {"vectors", "albedo"} <= set(arrays):
+            raise ValueError("not a transfer")  # but another archive, such as a grid of probes
         facts = _facts(parse_json(archive.text("settings")))
-        if "vectors" not in arrays or "albedo" not in arrays:
-            raise ValueError("not a transfer")
         _check(arrays)
         return Transfer(facts=facts, texels=texels, **arrays)
 

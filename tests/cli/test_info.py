@@ -277,6 +277,18 @@ def test_archives_that_are_no_table(folder):
     assert_refused(refused, 1, "numbers.npz: an archive, not an image")
 
 
+@pytest.mark.parametrize(
+    ("names", "what"),
+    [
+        (["reflected", "direct", "box", "settings"], "a grid of probes, not one"),
+        (["vectors", "albedo", "settings"], "give it to --transfer of shrm render"),
+    ],
+)
+def test_what_else_shrm_keeps_in_archives_is_told_from_a_probe(folder, names, what):
+    np.savez("other.npz", **dict.fromkeys(names, np.ones(3)))
+    assert_refused(run("export", "other.npz", "--for", "three"), 1, "other.npz: ", what)
+
+
 @pytest.mark.parametrize("command", [["info"], ["prefilter", "--to", "irradiance"]])
 def test_a_table_that_is_cut_is_told_as_such(folder, command):
     """The directory of an archive is at its end; what is left still begins as one."""

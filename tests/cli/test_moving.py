@@ -263,6 +263,33 @@ def test_glossy_transfer_under_a_turned_light_is_that_under_the_turned_probe(fol
     assert np.abs(read("still.exr") - truth).max() > 0.01 * truth.max()
 
 
+def test_objects_with_an_own_vary_keep_it_beside_keys_that_turn_the_light(folder):
+    """Values of keys are for what follows nothing else, and pass by maps of light alone."""
+    write_image(folder / "room.exr", noise(16, 32), "float")
+    corners = "".join(f"v {x} {y} 0 1 1 1\n" for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1)))
+    (folder / "white.obj").write_text(corners + "f 1 2 3 4\n")
+    for line in (
+        ("product", "ward:ax=0.5", "--vary", "ay=0.2..0.5", "--steps", "2", "--order", "2",
+         "--size", "8", "-o", "paint.exr"),
+        ("prefilter", "room.exr", "--to", "splitsum", "--levels", "2", "--size", "8",
+         "-o", "levels.exr"),
+    ):  # fmt: skip
+        result = run(*line)
+        assert result.code == 0, result.err
+    keys = "".join(f"[[key]]\nframe = {k}\nturn = 9\nvary = {{ay = 0.{2 * k}}}\n" for k in (1, 2))
+    light = '[[objects]]\nmesh = "roof.obj"\nmap = "levels.exr"\ntranslate = [3, 0, 0]\n'
+    for name, own in (("own", 'vary = "vertex"'), ("keyed", "")):
+        scene = f'[[objects]]\nmesh = "white.obj"\nplain = true\n{own}\n{light}{keys}'
+        (folder / "s.toml").write_text(scene)
+        done("paint.exr", "--probe", "room.exr", "--mesh", "s.toml", "--size", "48",
+             "-o", f"{name}%02d.exr")  # fmt: skip
+    first, last, keyed, later = (
+        read(f"{name}.exr") for name in ("own01", "own02", "keyed01", "keyed02")
+    )
+    np.testing.assert_array_equal(first, last)
+    assert np.abs(keyed - later).max() > 0.01 * keyed.max()
+
+
 def test_maps_of_which_nothing_varies_are_told_what_makes_some(folder):
     """It was said that there is none."""
     result = run("render", "a.exr", "--vary", "ay=0.2", "-o", "x.png")

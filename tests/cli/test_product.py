@@ -56,6 +56,16 @@ def test_another_texture_of_that_name_is_kept(tmp_path, monkeypatch):
     done("product", BRUSHED, "--size", "9", "--order", "1", "--force")
 
 
+def test_objects_of_a_scene_cannot_have_a_texture_without_light(tmp_path, texture, monkeypatch):
+    """It was said that --probe is missing, which was then said to apply to MAP alone."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    (tmp_path / "paint.exr").write_bytes(Path(texture).read_bytes())
+    (tmp_path / "s.toml").write_text('[[objects]]\nmesh = "a.obj"\nmap = "paint.exr"\n')
+    result = run("render", "--mesh", "s.toml", "-o", "x.png")
+    assert_refused(result, 1, "object 1: paint.exr holds no light", "name it before the scene")
+
+
 @pytest.mark.slow
 def test_pictures_need_the_light_of_a_probe(tmp_path, texture, probe):
     picture = tmp_path / "x.exr"

@@ -5,7 +5,7 @@ import pytest
 import scipy.special
 
 from shrm_cli.errors import ArgumentError, ProbeError
-from shrm_cli.lights.edit import Dimming, Edit, order_of_index, turn_angles
+from shrm_cli.lights.edit import Dimming, Edit, edit_light, order_of_index, turn_angles
 from shrm_cli.lights.light_files import write_coefficients, write_light_file
 from shrm_cli.probe.light_file import read_light_tables
 from shrm_cli.probe.lighting import project
@@ -48,6 +48,20 @@ def test_light_is_dimmed_about_a_direction():
     assert np.abs(found - LIGHT).max() > 0.2
     assert dimming.at(1.0) == pytest.approx(0.2)
     assert dimming.at(np.cos(np.radians(25.0))) == pytest.approx(0.6)
+
+
+def test_a_lamp_beside_what_is_dimmed_keeps_its_light_however_few_coefficients_are_left(tmp_path):
+    """What 9 coefficients show of a lamp is everywhere, and so would be what they lose."""
+    lamp = tmp_path / "lamp.toml"
+    lamp.write_text("[[disc]]\nazimuth = 95\nelevation = 33\nradius = 0.7\nradiance = 100.0\n")
+    dimming = Dimming(AXIS, 0.2, 20.0)
+    found, _ = edit_light(str(lamp), edit(dimmings=[dimming]), order=2)
+    middle = np.array([np.cos(np.radians(33)) * np.sin(np.radians(95)), np.sin(np.radians(33))])
+    middle = np.append(middle, np.cos(np.radians(33)) * np.cos(np.radians(95)))
+    expected = project(open_probe(lamp), 2).coefficients * dimming.at(middle @ AXIS)
+    np.testing.assert_allclose(found, expected, atol=2e-3 * expected[0, 0])
+    with pytest.raises(ProbeError, match="the light has order 2"):
+        edit_light(str(lamp), edit([(9, np.ones(3))], dimmings=[dimming]), order=2)
 
 
 @pytest.mark.parametrize("width", [1.0, 12.0, 90.0])

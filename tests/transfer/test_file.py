@@ -86,6 +86,7 @@ def nan_within(array):
     [
         ({"vectors": None}, "not a transfer"),
         ({"albedo": None}, "not a transfer"),
+        ({"vectors": None, "settings": '{"shape": [4, 3, 4]}'}, "not a transfer"),
         ({"settings": None}, "no array 'settings'"),
         ({"settings": "[1]"}, "not a JSON object"),
         ({"settings": '{"version": 3}'}, "newer shrm"),
