@@ -133,7 +133,7 @@ def render(
     skies = probes.get(background or ""), probes.get(values["background_to"] or "")
     usage.check_outputs(targets, files=_files(maps, mesh, values), draws=True)
     light = grid or probes.get(probe or "")
-    lit, baked, told = _open_lit(maps, light, transfer, window, values["blend_to"])
+    lit, baked, told = _open_lit(maps, light, transfer, window, ways, values["blend_to"])
     if mesh is None:
         drawing = _on_sphere(lit, size, shown, values)
     else:
@@ -199,6 +199,7 @@ def _open_lit(
     light: shrm.Probe | ProbeGrid | None,
     transfer: str | None,
     window: str | None,
+    ways: dict[str, tuple[float, float]],
     blend_to: Sequence[str],
 ) -> tuple[Lit, Baked | None, list[str]]:
     """Open the maps and light them; return what is baked of a mesh, and warnings, too."""
@@ -211,9 +212,9 @@ def _open_lit(
         usage.refuse_inapplicable({"probe": shading.to_unlit(opened)})
     if transfer is None:
         shading.refuse_window(opened)
-        opened, warnings = lit_maps(opened, maps, light, window)
+        opened, warnings = lit_maps(opened, maps, light, window, ways)
         return Lit(opened, maps, moving.open_others(blend_to, opened), blend_to), None, warnings
-    baked = stage.open_baked(transfer, opened, maps, light, window)
+    baked = stage.open_baked(transfer, opened, maps, light, window, ways)
     others = moving.open_others(blend_to, baked.maps)
     return Lit(baked.maps, baked.names, others, blend_to), baked, baked.warnings
 

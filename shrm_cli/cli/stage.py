@@ -186,13 +186,14 @@ def open_baked(
     names: Sequence[str],
     light: shrm.Probe | ProbeGrid | None,
     window: str | None,
+    ways: dict[str, tuple[float, float]],
 ) -> Baked:
     """Read a transfer, and light the maps that it shades.
 
     The lamps of a probe are taken out of its light, and cast shadows of their own. Without a map
     the surface is diffuse, and its light is the probe's.
 
-    `light` is that of maps that hold none.
+    `light` is that of maps that hold none. `ways` are those of `lit_maps`.
     """
     from shrm_cli.maps.info import probe_name
     from shrm_cli.prefilter import prefilter_with_facts
@@ -224,7 +225,7 @@ def open_baked(
         made = prefilter_with_facts(probe, "irradiance", {"order_f": baked.order})
         return Baked(baked, [made.map], [named], discs, [*warnings, *made.warnings])
     refuse_window(maps)
-    lit, negative = lit_maps(maps, names, probe, window)
+    lit, negative = lit_maps(maps, names, probe, window, ways)
     for each, name in zip(lit, names, strict=True):
         if each.harmonic_light and each.is_white and each.info.order_f < baked.order:
             warnings.append(

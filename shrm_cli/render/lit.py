@@ -136,11 +136,13 @@ def lit_maps(
     names: Sequence[str],
     probe: Probe | ProbeGrid | None,
     window: str | None,
+    ways: Mapping[str, tuple[float, float]] = {},
 ) -> tuple[list[Map], list[str]]:
     """Give light to the maps that hold a BRDF alone, which are product textures.
 
     `probe` is that light; under that of a grid of probes surfaces have another light wherever they
-    are. `window` is the window of the light; ``auto`` by default.
+    are. `window` is the window of the light; ``auto`` by default. `ways` are the first and the last
+    values of parameters that are shown with no others.
 
     Returns `maps`; and `warnings`, one for each map that reflects less than nothing somewhere.
     """
@@ -174,20 +176,23 @@ def lit_maps(
             )
         # Its metals are in the primaries that the light of its making had, of Rec.709 without any.
         lit = lit.with_info(replace(lit.info, chromaticities=light.probe.chromaticities))
-        share, where = _darkest(lit)
+        share, where = _darkest(lit, ways)
         warnings += [f"{name}: {where}{line}" for line in negative_warnings(lit, share)]
         found.append(lit)
     return found, warnings
 
 
-def _darkest(lit: Any) -> tuple[float, str]:
+def _darkest(lit: Any, ways: Mapping[str, tuple[float, float]]) -> tuple[float, str]:
     """Return the largest negative share over the ends of what varies, and where that is, in words.
 
-    Surfaces are sharpest at an end, where light of few orders shows most of what is negative.
+    Surfaces are sharpest at an end, where light of few orders shows most of what is negative. The
+    ends are those of `ways`, beside which other parameters are in the middle; else all of them.
     """
-    shares = {"": negative_share(lit)}
-    for ends in product(*lit.ways.values()) if lit.varies else ():
-        values = dict(zip(lit.ways, ends, strict=True))
+    shown = {name: way for name, way in ways.items() if name in lit.ways} if lit.varies else {}
+    shares = {} if shown else {"": negative_share(lit)}
+    shown = shown or (lit.ways if lit.varies else {})
+    for ends in product(*(dict.fromkeys(way) for way in shown.values())) if shown else ():
+        values = dict(zip(shown, ends, strict=True))
         said = " and ".join(f"{key}={value:g}" for key, value in values.items())
         shares[f"with {said}, "] = negative_share(lit.with_values(values))
     where = max(shares, key=lambda each: shares[each])

@@ -126,6 +126,11 @@ def test_what_is_black_at_an_end_of_what_varies_is_told(tmp_path):
     assert said.code == 0
     assert "worn.exr: with ax=0.1, " in said.err
     assert "of what is visible is black" in said.err
+    shown = "render", texture, "--probe", lamp, "--size", "16", "--vary"
+    for value, is_told in (("ax=0.9", False), ("ax=0.1", True)):  # no other is shown
+        said = run(*shown, value, "-o", tmp_path / "x.exr")
+        assert said.code == 0
+        assert ("of what is visible is black" in said.err) == is_told
 
 
 def test_the_truth_of_a_texture(tmp_path, texture, probe):
