@@ -77,7 +77,7 @@ def sampled_albedos(brdf: Brdf, rule: _Rule, angles: Array, count: int) -> Array
     views = from_angles(angles, 0.0)[:, None, None]
     total = np.zeros((len(angles), 3))
     is_whole = rule is _sphere_rule or brdf.isotropic
-    sides = [1] if is_whole else [1, -1]
+    sides = [(1, 1, 1)] if is_whole else [(1, 1, 1), (1, -1, 1)]
     for nodes in slices(count, _SAMPLES_AT_ONCE // count):
         light, weights = rule(angles, count, nodes)
         for side in sides:

@@ -131,7 +131,7 @@ def test_the_first_order_is_kept_as_well(folder, spec):
     assert first == again == first_order_f(parse_spec(spec))
     assert compute.calls == 1
     text = entry(folder).read_bytes()
-    start = text.index(b"{")
+    start = text.index(b'{"')
     impossible = json.loads(text[start:])
     impossible["others"]["order_f"] = 10**6
     body = json.dumps(impossible).encode()
