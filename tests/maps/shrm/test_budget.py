@@ -1,9 +1,11 @@
 """Maps within a number of bytes: they fit, are the best that do, and say what that costs."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from shrm_cli import settings
+from shrm_cli import open_map, settings
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.expansion import Chosen
@@ -11,6 +13,7 @@ from shrm_cli.maps.options import bytes_text, parse_bytes
 from shrm_cli.maps.size import TRIED_SIZES
 from shrm_cli.orders import Orders
 from shrm_cli.prefilter import prefilter_with_facts
+from shrm_cli.probe.open import open_probe
 from shrm_cli.probe.probe import Probe
 from tests import oracles
 from tests.cli.helpers import polynomial_light
@@ -218,6 +221,15 @@ def test_who_asks_for_less_error_gets_no_more_of_it(probe):
     for asked in ({"error": 0.05}, {"seen": 0.05}):
         better = make(probe, brdf=plastic, **asked).map
         assert better.stated_error <= 1.05 * plain.stated_error, asked
+
+
+def test_what_captures_all_but_rounding_can_be_read_again(tmp_path):
+    """Of this lobe F = 10 captured 2e-16 more than there is, and the file could not be opened."""
+    probe = open_probe(Path(__file__).parents[3] / "probes" / "impulse.exr")
+    made = make(probe, "auto", "phong:exponent=32").map
+    assert made.info.eps >= 0
+    made.save(tmp_path / "map.exr")
+    assert open_map(tmp_path / "map.exr").info.order_f == made.info.order_f
 
 
 def test_what_orders_miss_is_a_tolerance_that_they_keep():
