@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from contextlib import suppress
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +44,11 @@ class Orders:
     """The fraction of the BRDF's energy that the orders were allowed to miss."""
     captured: float
     """The fraction of the BRDF's energy that the orders capture."""
+
+    @classmethod
+    def capturing(cls, order_f: int, order_p: int, captured: float) -> Self:
+        """Return orders that were allowed to miss what they miss; by rounding that may be < 0."""
+        return cls(order_f, order_p, max(1 - captured, 0.0), captured)
 
 
 def choose_orders(

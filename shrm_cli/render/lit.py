@@ -188,10 +188,10 @@ def _darkest(lit: Any, ways: Mapping[str, tuple[float, float]]) -> tuple[float, 
     Surfaces are sharpest at an end, where light of few orders shows most of what is negative. The
     ends are those of `ways`, beside which other parameters are in the middle; else all of them.
     """
-    shown = {name: way for name, way in ways.items() if name in lit.ways} if lit.varies else {}
+    shown = {name: way for name, way in ways.items() if name in lit.ways}
     shares = {} if shown else {"": negative_share(lit)}
-    shown = shown or (lit.ways if lit.varies else {})
-    for ends in product(*(dict.fromkeys(way) for way in shown.values())) if shown else ():
+    shown = shown or lit.ways
+    for ends in product(*map(dict.fromkeys, shown.values())) if shown else ():
         values = dict(zip(shown, ends, strict=True))
         said = " and ".join(f"{key}={value:g}" for key, value in values.items())
         shares[f"with {said}, "] = negative_share(lit.with_values(values))

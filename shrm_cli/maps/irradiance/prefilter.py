@@ -50,7 +50,7 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
     high = min(max(_HIGH_ORDER, 2 * order_f), MAX_ORDER_F)
     lighting = project(probe, high)
     captured = _captured(order_f)
-    orders = Orders(order_f, 0, max(1 - captured, 0.0), captured)
+    orders = Orders.capturing(order_f, 0, captured)
     info = replace(
         provenance(probe, Lambertian(), orders), predicted_error=_missing(lighting, order_f)
     )

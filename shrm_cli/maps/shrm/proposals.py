@@ -111,7 +111,7 @@ class ShrmProposals(ShrmRows):
     def _stated(self, found: Expansion) -> Chosen:
         f, p = found.orders.order_f, found.orders.order_p
         captured = float(self.coefficients.captured[self.carried(found.size), p])
-        orders = Orders(f, p, max(1 - captured, 0.0), captured)  # rounding may capture more
+        orders = Orders.capturing(f, p, captured)
         return Chosen(self.request.brdf, orders, self.coefficients, found.size)
 
     def proposed(self, found: Expansion) -> Candidate[Prefiltered]:
