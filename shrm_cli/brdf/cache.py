@@ -135,6 +135,8 @@ class _Kind(Generic[Content]):
     fits: Callable[..., bool]
     """Takes an entry that was read and the parameters: whether it is of their orders. An entry of a
     first order is asked for without any, and fits where it is an order."""
+    least_seconds: float | None = None
+    """What takes less to compute is not worth a file; `_SLOW` where there is no other time."""
 
 
 _COEFFICIENTS = _Kind(
@@ -151,7 +153,12 @@ _LOBES = _Kind(
         found.values.shape[1] == order_f + 1 and len(found.values) % (max_q + 1) == 0
     ),
 )
-_FIRST_ORDER = _Kind(FirstOrder, lambda: 0, lambda found: 0 < found.order_f <= MAX_ORDER_F)
+_FIRST_ORDER = _Kind(
+    FirstOrder,
+    lambda: 0,
+    lambda found: 0 < found.order_f <= MAX_ORDER_F,
+    least_seconds=0.0,  # few samples, of modules that a run with coefficients does not load else
+)
 
 
 @functools.cache
@@ -188,7 +195,8 @@ def _cached(
         if found is None:
             start = time.perf_counter()
             found = compute(brdf, *parameters)
-            if time.perf_counter() - start > _SLOW:
+            least = _SLOW if kind.least_seconds is None else kind.least_seconds
+            if time.perf_counter() - start > least:
                 _write(path, key, found)
         return found
 
