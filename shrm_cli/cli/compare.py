@@ -159,7 +159,7 @@ def compare(
     report = _table(result, how, labels[1:], flips is not None)
     if target is not None:
         shows = compared.comparison.baseline
-        stops = shown_at(target, shows, asked=exposure)
+        stops = shown_at(target, *shows, asked=exposure)
         settings = {"maps": maps, "exposure": stops, "amplify": amplify, **result}
         report.append(_picture(target, compared.comparison, labels, settings))
         report += options.told_of_exposure(exposure, stops)

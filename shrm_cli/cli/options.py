@@ -205,7 +205,7 @@ def told_of_exposure(asked: float | None, exposure: float) -> list[str]:
     """Return a line about the exposure of a picture that would else show nothing."""
     if asked is not None or not exposure:
         return []
-    looks = "most of it is white" if exposure < 0 else "it is all but black"
+    looks = "most of a picture is white" if exposure < 0 else "it is all but black"
     return [f"  exposure       {exposure:g}, as at 0 {looks}; --exposure takes another"]
 
 

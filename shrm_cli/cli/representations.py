@@ -84,7 +84,7 @@ def print_representations(
     report = [*_report(table, path), *_left_out()]
     if output is not None:
         shows = table.truth[:, 0]
-        stops = shown_at(output, shows, asked=exposure)
+        stops = shown_at(output, *shows, asked=exposure)
         pixels = table.sheet(stops)
         attributes = _attributes({**result, "exposure": stops}, source.chromaticities)
         pixel_type = write_picture(output, pixels, attributes=attributes)

@@ -53,17 +53,20 @@ def suitable_exposure(luminance: ArrayLike, weights: ArrayLike = 1.0) -> float:
 def shown_at(path: str, *pictures: ArrayLike, asked: float | None = None) -> float:
     """Return the stops at which pictures of one file are drawn: those that are asked for, if any.
 
-    Else it is 0, at which files can be compared, unless most of a picture is white there, or all
-    but black. EXR is linear: it is 0. `pictures`, of shape (..., 3), are linear.
+    Else it is 0, at which files can be compared, unless most of one of the pictures is white there,
+    or they are all but black. EXR is linear: it is 0. `pictures`, of shape (..., 3), are linear.
     """
     if asked is not None:
         return asked
     if path.lower().endswith(".exr"):
         return 0.0
-    lit = np.concatenate([_lit(each) for each in pictures])
-    if not _hides(lit, _HALF):
-        return 0.0
+    each_lit = [_lit(each) for each in pictures]
+    lit = np.concatenate(each_lit)
     suitable = suitable_exposure(lit)
+    if not _hides(lit, _HALF):
+        # One view may be white beside others of which enough is seen.
+        is_one_white = any(each.size and np.quantile(each, _HALF) >= 1 for each in each_lit)
+        return min(suitable, 0.0) if is_one_white else 0.0
     return 0.0 if _hides(lit * 2.0**suitable) else suitable
 
 

@@ -207,6 +207,17 @@ def test_the_default_exposure_shows_what_would_be_white_or_black(stops):
     assert shown_at("a.exr", drawn) == 0
 
 
+def test_one_white_view_among_others_makes_all_darker_and_none_brighter():
+    """Of three views of a ball in a studio two were white, though half of all that was lit was not.
+
+    Where the others are dim, an exposure for all of them would make the white one whiter.
+    """
+    white, grey = np.full((4, 5, 3), 3.0), np.full((5, 6, 3), 0.8)
+    assert shown_at("a.png", white, grey) == suitable_exposure([3.0] * 20 + [0.8] * 30) < 0
+    assert shown_at("a.png", np.concatenate([white.reshape(-1, 3), grey.reshape(-1, 3)])) == 0
+    assert shown_at("a.png", white, *[grey / 8] * 3) == 0
+
+
 def test_the_default_exposure_is_none_where_half_of_a_picture_can_be_seen():
     values = np.full((10, 1, 3), 7.0)
     values[:6] = 0.9

@@ -1,6 +1,7 @@
 """Fuzz, such as dust or the fibres of cloth, over any base."""
 
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 
@@ -52,7 +53,7 @@ class UnderFuzz(UnderLayer):
         )  # fmt: skip
         return scaled(self.term.evaluate(light, view), least)
 
-    @property
+    @cached_property
     def passing(self) -> Table:
         """What the sheen lets pass, in all channels alike."""
         return remembered(self.sheen, ("passing",), lambda: _passing(self.sheen))

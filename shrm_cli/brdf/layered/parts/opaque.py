@@ -1,6 +1,7 @@
 """The opaque base of OpenPBR's surfaces: metal, and a diffuse surface under a dielectric border."""
 
 import math
+from functools import cached_property
 
 import numpy as np
 
@@ -105,7 +106,7 @@ class UnderBorder(Brdf):
         value = self.term.evaluate(light, view)
         return multiplied(value, self.passing.at(light), self.passing.at(view))
 
-    @property
+    @cached_property
     def passing(self) -> Table:
         """The function that it is multiplied by."""
         return remembered(self, ("passing",), self._passing)
