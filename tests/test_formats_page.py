@@ -88,7 +88,7 @@ def test_decoders_are_short():
         ("principal", "principal", ("--brdf", "charlie:roughness=0.4", "--maps", 9)),
         ("kautz-mccool", "kautz_mccool", ("--brdf", "ggx:roughness=0.5")),
         ("cabral", "cabral", ("--brdf", "ggx:roughness=0.5")),
-        ("lightfield", "light_field", ("--brdf", "ggx:roughness=0.5")),
+        ("lightfield", "light_field", ("--brdf", "ggx:roughness=0.5", "--views", 9)),
         ("lightfield", "light_field", ("--brdf", "lambertian", "--views", 5)),
     ],
 )

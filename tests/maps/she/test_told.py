@@ -8,7 +8,7 @@ from shrm_cli.prefilter import prefilter_with_facts
 from tests.brute_force import unit
 
 
-@pytest.mark.parametrize("key", [5, 50])
+@pytest.mark.parametrize("key", [pytest.param(5, marks=pytest.mark.proof), 50])
 def test_the_error_of_the_sharpest_metals_is_told(key):
     probe = shrm.Probe.from_array(shrm.studio(64, key))
     made = prefilter_with_facts(probe, "she", {})
