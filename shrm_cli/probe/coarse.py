@@ -22,6 +22,8 @@ from shrm_cli.probe.image import ArrayImage, ProbeImage
 from shrm_cli.probe.pixels import PixelPolicy, PixelReport
 from shrm_cli.probe.probe import Probe
 from shrm_cli.records import record
+from shrm_cli.sphere.grid.base import grid_class
+from shrm_cli.sphere.synthesis import synthesize_cube
 from shrm_cli.vocabulary import COARSE_ROWS
 
 if TYPE_CHECKING:
@@ -57,9 +59,19 @@ def fine_probe(probe: Probe) -> Probe:
 
 
 def _refined(probe: Probe, rows: int) -> Probe:
-    """Return a probe in pixels as small as those of a lat-long of some rows."""
+    """Return a probe in pixels as small as those of some rows, unless its light is smooth."""
+    if probe.grid.resolution >= rows or probe.sampling != "center" or not _goes_on(probe):
+        return probe
+    return _cut(probe, rows)
+
+
+def _cut(probe: Probe, rows: int) -> Probe:
+    """Return a probe whose pixels are cut into parts, as small as those of a lat-long of some rows.
+
+    Returned is that probe itself where it is as fine, or its pixels at borders are halves.
+    """
     count = int(np.ceil(rows / probe.grid.resolution))
-    if count < 2 or probe.sampling != "center" or not _goes_on(probe):
+    if count < 2 or probe.sampling != "center":
         return probe
     image, used = probe.image(), probe.grid.used()
     if used is not None:
@@ -102,11 +114,47 @@ def _over_rim(image: Array, used: NDArray[np.bool_]) -> Array:
 
 def _goes_on(probe: Probe) -> bool:
     """Whether the light has degrees that its pixels do not hold."""
-    analysis, energy = probe.grid.analysis(probe.grid.resolved_order), 0.0
     with np.errstate(over="ignore", invalid="ignore"):  # whoever projects it refuses what overflows
-        for start, pixels, weights in probe.blocks():
-            analysis.add(start, pixels, weights)
-            squares = np.sum(pixels.astype(float) ** 2, axis=-1)
-            energy += float(np.sum(weights * squares))
-        known = np.sum(analysis.coefficients() ** 2)
+        series, energy = _analysed(probe)
+        known = np.sum(series**2)
     return bool(abs(energy - known) > _BEYOND * energy)
+
+
+def _analysed(probe: Probe) -> tuple[Array, float]:
+    """Return the coefficients of the degrees that pixels hold, and the energy of the pixels."""
+    analysis, energy = probe.grid.analysis(probe.grid.resolved_order), 0.0
+    for start, pixels, weights in probe.blocks():
+        analysis.add(start, pixels, weights)
+        squares = np.sum(pixels.astype(float) ** 2, axis=-1)
+        energy += float(np.sum(weights * squares))
+    return analysis.coefficients(), energy
+
+
+def summed_probe(probe: Probe, rows: int) -> Probe:
+    """Return the same light for sums over pixels under lobes that are narrower than these.
+
+    `probe` is as `fine_probe` returns it, which leaves smooth light alone: of large pixels it is
+    brought to small ones, between which it goes on as its degrees do. Then pixels are cut to those
+    of a lat-long of some rows, because at its poles large ones are no rectangles.
+
+    Returned is the probe itself where it is a sum of lights.
+    """
+    from shrm_cli.probe.light_sum import LightSum
+
+    if isinstance(probe, LightSum):
+        return probe
+    return _cut(_continued(probe) if probe.may_be_coarse else probe, rows)
+
+
+def _continued(probe: Probe) -> Probe:
+    """Return smooth light as its degrees are at the texels of a fine cube."""
+    if probe.sampling != "center":
+        return probe
+    series, _ = _analysed(probe)
+    pixels = np.moveaxis(synthesize_cube(series, COARSE_ROWS, dtype=np.float32), 0, -1)
+    image = _Parts(np.maximum(pixels, 0), probe.name, probe.images)
+    grid = grid_class("cube")(COARSE_ROWS)
+    return Probe(
+        probe.name, grid, "openexr", "openexr", probe.matrix, PixelPolicy(), probe.chromaticities,
+        (image,), proxy=probe.proxy,
+    )  # fmt: skip

@@ -260,7 +260,9 @@ def on_stage(
         first = [stage.reflectors(each) for each in lit.maps] or [stage.reflectors(None)]
         drawn = first, [stage.reflectors(each) for each in lit.others]
         if not values["no_box"]:
-            warnings = stage.outside_boxes(lit.maps, lit.names)
+            turns = any(each.turn is not None for each in moments)
+            told = stage.boxes_left_out if turns else stage.outside_boxes
+            warnings = told(lit.maps, lit.names)
     return Drawing(
         subject, drawn[0], drawn[1] or None, seen, one_of({each.chromaticities for each in seen}),
         subject.lens.background_rows(), {"size": list(size)}, warnings,

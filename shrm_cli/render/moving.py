@@ -90,6 +90,8 @@ class Moment:
         if isinstance(first, VertexColors):
             return first.under(self.turn, second, self.share)
         if isinstance(first, Reflector):
+            if self.turn is None:  # each stays in the box of its own room
+                return replace(first, other=second, share=self.share)
             return replace(
                 first,
                 map=self._relit(first.map, second and second.map),

@@ -95,6 +95,10 @@ class Reflector:
     varied: VariedSurface | None = None
     f0: Color | None = None
     is_boxed: bool = True
+    other: "Reflector | None" = None
+    """The same surface under the light that this one becomes, if it does."""
+    share: float = 0.0
+    """How much of the light is that of the other one."""
 
     def radiance(
         self,
@@ -114,7 +118,15 @@ class Reflector:
         """
         if tangents is None and shares is not None:
             tangents = horizontal_tangents(normals)
-        vectors = normals, views, tangents
+        own = self._own((normals, views, tangents), shares, painted, points)
+        if self.other is None:
+            return own
+        other = self.other.radiance(normals, views, tangents, shares, painted, points)
+        return (1 - self.share) * own + self.share * other
+
+    def _own(
+        self, vectors: Vectors, shares: Array | None, painted: Painted | None, points: Array | None
+    ) -> Array:
         where = points if self.is_boxed else None
         if painted is None:
             return reflected(self.map, self.shown, vectors, where, shares)
@@ -262,18 +274,32 @@ class Stage:
 
     def outside_boxes(self, maps: Sequence[Map], names: Sequence[str]) -> list[str]:
         """Return the warnings of `outside` about the maps, and those that looks name."""
-        own = {id(each): each for each in self.maps()}.values()
-        lights: list[tuple[Map, str, Map | None]] = [
-            *((each, name, None) for each, name in zip(maps, names, strict=True)),
-            *((each, f"{each.what} of {each.info.probe}", each) for each in own),
-        ]
         warnings = []
-        for made, name, named in lights:
+        for made, name, named in self._lights(maps, names):
             lit = [k for k, look in enumerate(self.looks) if look.map is named]
             corners = np.unique(self.mesh.faces[np.isin(self.face_looks, lit)])
             if corners.size:
                 warnings += outside([made], [name], self.mesh.vertices[corners])
         return warnings
+
+    def boxes_left_out(self, maps: Sequence[Map], names: Sequence[str]) -> list[str]:
+        """Return a warning about each map whose light turns, which its room does not."""
+        return [
+            f"{name}: its proxy box is left out, because its room does not turn with the light; "
+            "--no-box draws light at rest so"
+            for made, name, _ in self._lights(maps, names)
+            if made.info.proxy is not None
+        ]
+
+    def _lights(
+        self, maps: Sequence[Map], names: Sequence[str]
+    ) -> list[tuple[Map, str, Map | None]]:
+        """Return maps and those that looks name, with what they are called, and these again."""
+        own = {id(each): each for each in self.maps()}.values()
+        return [
+            *((each, name, None) for each, name in zip(maps, names, strict=True)),
+            *((each, f"{each.what} of {each.info.probe}", each) for each in own),
+        ]
 
     def _used(self) -> set[int]:
         return {int(k) for k in np.unique(self.face_looks)}

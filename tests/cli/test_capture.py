@@ -200,6 +200,34 @@ def test_pictures_obey_the_box_until_told_otherwise(captured, folder):
     assert there[16, 16] == pytest.approx(pictures["box"][16, 16], rel=0.1)
 
 
+def test_light_that_becomes_another_stays_in_its_box_and_light_that_turns_says_it_does_not(
+    captured, folder
+):
+    """A map that became itself looked as without a box, 56 % off, and its first frame did not."""
+    spec = ("--brdf", "0.3*lambertian+0.7*ggx:roughness=0.5", "--eps", "0.1")
+    done("prefilter", "p.exr", *spec, "-o", "m.exr")
+    done("prefilter", "p.exr", *spec, "--box", "-1e6,-1e6,-1e6,1e6,1e6,1e6", "-o", "n.exr")
+    vertices, faces = icosphere(2)
+    write_gltf(folder / "ball.glb", [(0.3 * vertices + [3, 1, 2], faces, vertices)],
+               [("ball", 0.5, 0)])  # fmt: skip
+    base, drawn = ("render", "--mesh", "ball.glb", "--plain", "--size", 24), {}
+    for name, extra in (
+        ("still", ("m.exr",)), ("itself", ("m.exr", "--blend-to", "m.exr", "--blend", 0.5)),
+        ("far", ("n.exr",)), ("both", ("m.exr", "--blend-to", "n.exr", "--blend", 0.25)),
+    ):  # fmt: skip
+        result = run(*base, *extra, "-o", f"{name}.exr")
+        assert (result.code, result.err) == (0, "")
+        drawn[name] = read_exr(f"{name}.exr")[1]["R"]
+    near = {"rtol": 2e-3, "atol": 1e-3}
+    np.testing.assert_allclose(drawn["itself"], drawn["still"], **near)
+    np.testing.assert_allclose(drawn["both"], 0.75 * drawn["still"] + 0.25 * drawn["far"], **near)
+    assert np.abs(drawn["still"] - drawn["far"]).max() > 0.05
+    (line,) = run(*base, "m.exr", "--turn-light", "y:90", "-o", "t.exr").err.splitlines()
+    assert line.startswith("Warning: m.exr: its proxy box is left out")
+    assert run(*base, "m.exr", "--turn-light", "y:90", "--no-box", "-o", "u.exr").err == ""
+    assert run("render", "m.exr", "--turn-light", "y:90", "--size", 16, "-o", "v.exr").err == ""
+
+
 def test_what_stands_outside_the_box_is_told(captured, folder):
     """It was a patchwork of the room's walls, without a word."""
     done("prefilter", "p.exr", "--to", "irradiance", "-o", "m.exr")
