@@ -11,6 +11,7 @@ from shrm_cli.batch.collect import is_collection, read_collection
 from shrm_cli.brdf.environment.file import read_table_facts
 from shrm_cli.brdf.measured.table import Table, is_table
 from shrm_cli.brdf.spec import is_measured_file
+from shrm_cli.export.facts import read_engine_facts
 from shrm_cli.export.ktx import read_ktx2_facts
 from shrm_cli.maps.file import is_map, open_map
 from shrm_cli.maps.shader.file import read_layers_facts
@@ -19,7 +20,13 @@ from shrm_cli.probe.options import ReadOptions
 from shrm_cli.records import record
 from shrm_cli.rooms.export import read_grid_facts
 from shrm_cli.rooms.grid import is_grid, read_grid
-from shrm_cli.transfer.file import is_transfer, read_baked_facts, read_transfer
+from shrm_cli.transfer.file import (
+    is_pifu,
+    is_transfer,
+    read_baked_facts,
+    read_pifu_facts,
+    read_transfer,
+)
 from shrm_cli.vocabulary import MESH_SUFFIXES
 
 
@@ -68,6 +75,8 @@ def describe(
     'latlong'
     """
     name = os.fspath(file)
+    if (made := read_engine_facts(name)) is not None:
+        return Description("is for engines", made)
     for is_one, what, facts in _KINDS:
         if is_one(name):
             return Description(what, facts(name))
@@ -96,7 +105,10 @@ def _mesh(name: str) -> dict[str, Any]:
 
     mesh = load_mesh(name)
     low, high = mesh.bounds.tolist()
-    baked = read_baked_facts(name)
+    baked, quoted = read_baked_facts(name), shlex.quote(name)
+    see = f"shrm render MAP --mesh {quoted}"
+    if baked is not None:  # which `shrm render` does not read
+        see = f"shrm transfer {quoted} -o x.npz, then {see} --transfer x.npz"
     return {
         "kind": "mesh" if baked is None else "mesh with precomputed transfer",
         "vertices": len(mesh.vertices),
@@ -107,12 +119,17 @@ def _mesh(name: str) -> dict[str, Any]:
         "vertex_colors": mesh.colors is not None,
         "materials": [material.name for material in mesh.materials],
         **({} if baked is None else {"transfer": baked}),
-        "see": f"shrm render MAP --mesh {shlex.quote(name)}",
+        "see": see,
     }
 
 
 def _transfer(name: str) -> dict[str, Any]:
     return {"kind": "precomputed transfer", **read_transfer(name).summary()}
+
+
+def _pifu(name: str) -> dict[str, Any]:
+    use = "for PIFu; shrm render reads what shrm transfer MESH -o x.npz writes"
+    return {"kind": "precomputed transfer of PIFu", **read_pifu_facts(name), "use": use}
 
 
 def _grid(name: str) -> dict[str, Any]:
@@ -154,6 +171,7 @@ def _probe(name: str, reading: ReadOptions | None, stats: bool) -> Description:
 _KINDS: tuple[tuple[Callable[[str], bool], str, Callable[[str], dict[str, Any]]], ...] = (
     (is_map, "is a map", lambda name: map_facts(open_map(name))),
     (is_transfer, "is a precomputed transfer", _transfer),
+    (is_pifu, "is a precomputed transfer", _pifu),
     (is_grid, "is a grid of probes", _grid),
     (is_collection, "is a collection of coefficients", _collection),
     (is_table, "is a BRDF table", _table),

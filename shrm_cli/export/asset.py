@@ -5,9 +5,10 @@ own, which have to lie in its folder or below it, move into the GLB, so that it 
 """
 
 from copy import deepcopy
+from os.path import getsize
 from pathlib import Path
 
-from shrm_cli.errors import MapError
+from shrm_cli.errors import MapError, MeshError
 from shrm_cli.files import gltf
 from shrm_cli.files.whole import check_regular, note
 from shrm_cli.records import record
@@ -22,6 +23,29 @@ _TYPES = {
     ".webp": "image/webp",
     ".ktx2": "image/ktx2",
 }
+
+
+_MOST_BYTES = 2**20
+"""The most bytes of a glTF file that holds nothing but a light."""
+
+
+def read_light_facts(path: str) -> gltf.Json | None:
+    """Return what a glTF file without meshes says of its light; None of another file."""
+    if Path(path).suffix.lower() not in (".gltf", ".glb") or getsize(path) > _MOST_BYTES:
+        return None
+    try:
+        tree, _ = gltf.read_tree(path, Path(path).read_bytes())
+        light = tree["extensions"][EXTENSION]["lights"][0]
+        if gltf.list_of(tree, "meshes"):
+            return None
+        return {
+            "kind": f"light of glTF ({EXTENSION})",
+            "width": gltf.natural(light["specularImageSize"]),
+            "levels": len(gltf.list_of(light, "specularImages")),
+            "bytes": getsize(path),
+        }
+    except (MeshError, ValueError, TypeError, LookupError):
+        return None
 
 
 @record

@@ -6,9 +6,12 @@ A header, its extension "DX10" with the number of the pixel format, then for eac
 References: Microsoft, Programming guide for DDS; DDS_HEADER, DDS_HEADER_DXT10.
 """
 
+import os
 import struct
 from collections.abc import Sequence
+from typing import Any
 
+from shrm_cli.errors import MapError
 from shrm_cli.export.pixels import TexelFormat
 
 _HEADER = struct.Struct("<4s 7I 44x 2I 4s 20x 4I 4x")
@@ -26,6 +29,9 @@ _LINEAR_SIZE = 0x80000
 """Instead of a pitch, the bytes of the first level are given: of blocks."""
 _NUMBERS = {"rgba16f": 10, "r11g11b10": 26, "rgb9e5": 67, "bc6h": 95}
 """DXGI_FORMAT_R16G16B16A16_FLOAT, R11G11B10_FLOAT, R9G9B9E5_SHAREDEXP and BC6H_UF16."""
+
+_UNREAD = ("r11g11b10", "rgb9e5")
+"""Those of four bytes a texel, which are not read as probes."""
 
 
 def dds_cube(levels: Sequence[bytes], size: int, texels: TexelFormat) -> bytes:
@@ -58,3 +64,30 @@ def dds_image(data: bytes, height: int, width: int) -> bytes:
         32, _HAS_CODE, b"DX10", _CAPS & 0x1000, 0, 0, 0,
     )  # fmt: skip
     return header + _EXTENSION.pack(_NUMBERS["bc6h"], _TEXTURE_2D, 0, 1, _OPAQUE) + data
+
+
+def read_dds_facts(path: str | os.PathLike[str]) -> dict[str, Any] | None:
+    """Return what the header of a DDS file of `_UNREAD` says of it; None of another file.
+
+    Raises MapError if the file ends before its last mip.
+    """
+    with open(path, "rb") as file:
+        start = file.read(_HEADER.size + _EXTENSION.size)
+    if len(start) < _HEADER.size + _EXTENSION.size or not start.startswith(b"DDS "):
+        return None
+    _, _, _, height, width, _, _, mips, _, _, code, *_ = _HEADER.unpack_from(start)
+    number, _, flags, _, _ = _EXTENSION.unpack_from(start, _HEADER.size)
+    texels = next((name for name in _UNREAD if _NUMBERS[name] == number), None)
+    if code != b"DX10" or texels is None:
+        return None
+    sides = (max(width >> k, 1) * max(height >> k, 1) for k in range(max(1, min(mips, 16))))
+    count = (6 if flags & _IS_CUBE else 1) * 4 * sum(sides)
+    if os.path.getsize(path) < len(start) + count:
+        raise MapError(f"{os.fspath(path)}: damaged or truncated; export it again")
+    return {
+        "kind": "DDS texture of engines",
+        "holds": "a cube" if flags & _IS_CUBE else "a picture",
+        "width": width, "height": height, "mips": mips,
+        "texels": texels,
+        "bytes": os.path.getsize(path),
+    }  # fmt: skip

@@ -14,6 +14,7 @@ from math import lcm
 from typing import Any
 
 from shrm_cli import __release__
+from shrm_cli.errors import MapError
 from shrm_cli.export.pixels import TexelFormat
 from shrm_cli.records import record
 
@@ -23,6 +24,7 @@ _ZSTD = 2
 _LEVEL = 18
 """Zstandard's level; higher ones take seconds, and save next to nothing."""
 
+_MOST_LEVELS = 16
 _KTX1 = b"\xabKTX 11\xbb\r\n\x1a\n"
 _LITTLE_ENDIAN = 0x04030201
 
@@ -149,17 +151,27 @@ def ktx2(
 
 
 def read_ktx2_facts(path: str | os.PathLike[str]) -> dict[str, Any] | None:
-    """Return what the header of a KTX 2 file says of it; None of another file."""
-    count = len(_KTX2) + 9 * 4
+    """Return what the header of a KTX 2 file says of it; None of another file.
+
+    Raises MapError if the file ends before its last mip.
+    """
     if not os.path.isfile(path):
         return None
+    head, size = len(_KTX2) + 13 * 4 + 2 * 8, os.path.getsize(path)
     with open(path, "rb") as file:
-        start = file.read(count)
-    if len(start) < count or not start.startswith(_KTX2):
+        start = file.read(head + 24 * _MOST_LEVELS)
+    if not start or not _KTX2.startswith(start[: len(_KTX2)]):
         return None
-    number, _, width, height, depth, _, faces, mips, scheme = struct.unpack_from(
-        "<9I", start, len(_KTX2)
-    )
+    try:
+        number, _, width, height, depth, _, faces, mips, scheme = struct.unpack_from(
+            "<9I", start, len(_KTX2)
+        )
+        for k in range(max(mips, 1)):  # 0 asks for more mips than the one that there is
+            place, count, _ = struct.unpack_from("<3Q", start, head + 24 * k)
+            if place + count > size:
+                raise _damaged(path)
+    except struct.error:
+        raise _damaged(path) from None
     known = (name for name, (own, _, _) in _VULKAN.items() if own == number)
     return {
         "holds": "a cube" if faces == 6 else "a volume" if depth else "a picture",
@@ -169,6 +181,44 @@ def read_ktx2_facts(path: str | os.PathLike[str]) -> dict[str, Any] | None:
         "packed": scheme != 0,
         "bytes": os.path.getsize(path),
     }  # fmt: skip
+
+
+def read_ktx1_facts(path: str | os.PathLike[str]) -> dict[str, Any] | None:
+    """Return what the header of a KTX 1 file as `ktx1_cube` writes it says; None of another file.
+
+    Raises MapError if the file ends before its last mip.
+    """
+    size = os.path.getsize(path)
+    with open(path, "rb") as file:
+        start = file.read(len(_KTX1) + 13 * 4)
+        if not start.startswith(_KTX1):
+            return None
+        try:
+            endian, _, _, _, internal, _, width, height, _, _, faces, mips, pairs = (
+                struct.unpack_from("<13I", start, len(_KTX1))
+            )
+            if endian != _LITTLE_ENDIAN:
+                return None
+            place = len(start) + pairs
+            for _ in range(min(mips, _MOST_LEVELS)):
+                file.seek(min(place, size))
+                place += 4 + faces * struct.unpack("<I", file.read(4))[0]
+        except struct.error:
+            raise _damaged(path) from None
+    if place > size:
+        raise _damaged(path)
+    known = (name for name, numbers in _GL.items() if numbers[3] == internal)
+    return {
+        "kind": "KTX 1 texture of engines",
+        "holds": "a cube" if faces == _FACES else "a picture",
+        "width": width, "height": height, "mips": mips,
+        "texels": next(known, f"glInternalFormat {internal}"),
+        "bytes": size,
+    }  # fmt: skip
+
+
+def _damaged(path: str | os.PathLike[str]) -> MapError:
+    return MapError(f"{os.fspath(path)}: damaged or truncated; export it again")
 
 
 def ktx1_cube(

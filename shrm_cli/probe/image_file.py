@@ -40,6 +40,8 @@ _UPRIGHT = (0, 1)
 """Values of Exif's Orientation that leave an image as it is; 0 is "not known"."""
 _UNKNOWN_TYPE = "could not find a format reader"
 """What OpenImageIO says of files whose suffix and content it does not know."""
+_FOR_ENGINES = (b"\xabKTX ", b"\x86\x16\x87\x96")
+"""What KTX files, and Babylon.js's ``.env``, begin with."""
 _NO_PROBES = {
     "shrm:representation": ("a map that shrm made", "name the probe"),
     "shrm:table": ("a table that shrm made", "name the probe"),
@@ -341,8 +343,13 @@ def _opened(path: Path) -> Any:
     if is_zipfile(path):  # of which that reason says nothing
         raise ProbeError(f"{path}: {_archive(path)}")
     with open(path, "rb") as stream:  # tables in .npz are ZIPs, which may be cut
-        is_archive = stream.read(4) == b"PK\x03\x04"
-    if is_archive:
+        start = stream.read(5)
+    if start.startswith(_FOR_ENGINES):
+        raise ProbeError(
+            f"{path}: a file for engines, not an image that is read; name the probe or the map "
+            "that it was made of"
+        )
+    if start.startswith(b"PK\x03\x04"):
         raise ProbeError(
             f"{path}: a damaged or truncated archive, not an image; copy it again; tables "
             "belong to `brdf`"

@@ -57,6 +57,13 @@ _BETWEEN = re.compile(r"[\s,;()\[\]]*")
 _FILAMENT = "pre-scaled base"
 """What Filament's tools write behind every coefficient."""
 
+_FOR_ENGINES = {
+    "coefficients in the axes of an engine": {"meaning", "axes", "red", "green", "blue"},
+    "lamps beside a map": {"about", "lamps"},
+    "grid of probes": {"type", "version", "min", "max", "resolution", "coefficients"},
+}
+"""The keys of JSON that `shrm export` and `shrm grid` write, and that holds no light of ours."""
+
 
 @record(eq=False)
 class Series:
@@ -242,6 +249,8 @@ def _of_json(tree: Any) -> tuple[Array, tuple[str, ...]]:
         return _numbers(tree["radiance"]), ()
     found = _visible(tree.get("object", tree))
     probes = [each for each in found if "sh" in each]
+    if not probes and (kind := for_engines(tree)) is not None:
+        raise ValueError(f"{kind}, for engines; name the probe or the map that it was made of")
     if not probes:
         raise ValueError('neither "radiance" nor the "sh" of a LightProbe is in it')
     total = np.zeros((9, 3))
@@ -252,6 +261,12 @@ def _of_json(tree: Any) -> tuple[Array, tuple[str, ...]]:
     kinds = {str(each.get("type")) for each in found}
     others = ", ".join(sorted(kind[:40] for kind in kinds if kind.endswith("Light")))
     return total, ((f"its LightProbes alone are its light, without {others}",) if others else ())
+
+
+def for_engines(tree: Any) -> str | None:
+    """Return what JSON for engines is, by the keys that we write; None of everything else."""
+    kinds = (kind for kind, keys in _FOR_ENGINES.items() if keys <= tree.keys())
+    return next(kinds, None) if isinstance(tree, Mapping) else None
 
 
 def _visible(found: Any) -> list[Mapping[str, Any]]:

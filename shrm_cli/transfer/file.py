@@ -61,6 +61,7 @@ _AGAIN = "make it again with shrm transfer"
 _COMMENT = "comment shrm transfer, order {}, bounces {}"
 _PLY_COMMENT = re.compile(_COMMENT.format(r"(\d{1,3})", r"(\d{1,3})").encode())
 """What a PLY says of its transfer."""
+_PIFU_LINES = re.compile(rb"(?:(?:-?\d+\.\d{8} ){8}-?\d+\.\d{8}\n){2}")
 _MOST_HEADER = 2**16
 """Bytes within which meshes say what their transfer is: their headers are a tenth of it at most."""
 
@@ -96,6 +97,11 @@ def write_transfer(
 
 def read_transfer(path: str | os.PathLike[str]) -> Transfer:
     """Read a transfer."""
+    if os.path.isfile(path) and not _may_be_archive(path):
+        raise TransferError(
+            f"{os.fspath(path)}: no transfer file (those for engines are not read); name the .npz "
+            "that shrm transfer MESH -o x.npz writes"
+        )
     missing = "name a transfer that shrm transfer wrote"
     with npz.checked_archive(Path(path), TransferError, missing, _AGAIN) as archive:
         arrays = archive.those_of(_DIMENSIONS)
@@ -105,6 +111,31 @@ def read_transfer(path: str | os.PathLike[str]) -> Transfer:
         facts = _facts(parse_json(archive.text("settings")))
         _check(arrays)
         return Transfer(facts=facts, texels=texels, **arrays)
+
+
+def _may_be_archive(path: str | os.PathLike[str]) -> bool:
+    """Tell whether a file is a ZIP, which may be cut, or cannot be opened, as reading it tells."""
+    try:
+        with open(path, "rb") as stream:
+            return stream.read(2) in (b"PK", b"P", b"")
+    except OSError:
+        return True
+
+
+def is_pifu(path: str | os.PathLike[str]) -> bool:
+    """Tell whether a file is one of `write_pifu`, with its triangles beside it."""
+    path = Path(path)
+    if path.suffix.lower() != ".txt" or not (path.is_file() and path.with_name(FACES).is_file()):
+        return False
+    with open(path, "rb") as stream:
+        return _PIFU_LINES.match(stream.read(1024)) is not None
+
+
+def read_pifu_facts(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """Return what is known of a file of `write_pifu`."""
+    with open(path, "rb") as stream:
+        count = sum(piece.count(b"\n") for piece in iter(lambda: stream.read(2**20), b""))
+    return {"vertices": count, "order": PIFU_ORDER, "bytes": os.path.getsize(path)}
 
 
 def read_baked_facts(path: str | os.PathLike[str]) -> dict[str, Any] | None:

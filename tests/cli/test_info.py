@@ -512,3 +512,59 @@ def test_what_rounds_to_0_has_no_sign(folder):
     """Light from straight ahead came from an azimuth of -0.0."""
     (folder / "a.toml").write_text("[[sh]]\ncoefficients = [1, 0, 0.5, -1e-9]\n")
     assert "azimuth 0.0, elevation 0.0 degrees" in done("info", "a.toml")
+
+
+@pytest.mark.parametrize(
+    ("options", "file", "kind", "size"),
+    [
+        (["babylon"], "probe.env", "environment of Babylon.js", {"width": 32, "levels": 6}),
+        (["filament"], "probe_ibl.ktx", "KTX 1 texture of engines", {"width": 32, "height": 32}),
+        (["gltf"], "probe.gltf", "light of glTF (EXT_lights_image_based)", {"width": 32}),
+        (["unity"], "probe_sh.json", "coefficients in the axes of an engine", {}),
+        (["unreal"], "probe_sh.json", "coefficients in the axes of an engine", {}),
+        (["directx", "--format", "rgb9e5"], "probe.dds", "DDS texture of engines", {"width": 32}),
+        (["directx", "--format", "r11g11b10"], "probe.dds", "DDS texture of engines", {}),
+    ],
+)
+def test_files_for_engines_are_told(folder, options, file, kind, size):
+    """They were no TIFF, no type of image, without triangles or without radiance."""
+    done("export", "probe.exr", "--for", *options, "--size", "32", "-o", "made")
+    told = json.loads(done("info", f"made/{file}", "--json"))
+    assert (told["kind"], told["bytes"]) == (kind, (folder / "made" / file).stat().st_size)
+    assert told.items() >= size.items()
+    assert told["use"] == "for engines; shrm reads the probe or the map that it was made of"
+    assert_refused(run("info", f"made/{file}", "--yaw", "5"), 2, "is for engines")
+    if file.endswith((".env", ".ktx", ".json")):
+        refused = run("prefilter", f"made/{file}", "--to", "irradiance", "-o", "x.exr")
+        assert_refused(refused, 1, file, "for engines", "name the probe or the map")
+    if file.endswith((".env", ".dds")):
+        data = (folder / "made" / file).read_bytes()
+        for kept in (len(data) // 2, len(data) - 1):
+            (folder / file).write_bytes(data[:kept])
+            assert_refused(run("info", file), 1, f"{file}: damaged or truncated; export it again")
+
+
+@pytest.mark.parametrize(
+    ("kind", "tree"),
+    [
+        ("lamps beside a map", {"about": "Lamps", "lamps": []}),
+        (
+            "grid of probes",
+            dict.fromkeys(["type", "version", "min", "max", "resolution", "coefficients"], 1),
+        ),
+    ],
+)
+def test_json_for_engines_is_told_by_its_keys(folder, kind, tree):
+    (folder / "a.json").write_text(json.dumps(tree))
+    assert json.loads(done("info", "a.json", "--json"))["kind"] == kind
+    assert_refused(run("prefilter", "a.json", "--to", "irradiance"), 1, f"a.json: {kind}, for eng")
+
+
+def test_ktx2_is_for_engines(folder):
+    done("export", "probe.exr", "--for", "three", "--size", "16", "-o", "made")
+    refused = run("prefilter", "made/probe.ktx2", "--to", "irradiance", "-o", "x.exr")
+    assert_refused(refused, 1, "probe.ktx2: a file for engines, not an image that is read")
+    data = (folder / "made" / "probe.ktx2").read_bytes()
+    for kept in (20, 100, len(data) - 1):
+        (folder / "cut.ktx2").write_bytes(data[:kept])
+        assert_refused(run("info", "cut.ktx2"), 1, "cut.ktx2: damaged or truncated; export it")

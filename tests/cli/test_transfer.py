@@ -116,6 +116,16 @@ def test_other_formats(folder, name):
     done("transfer", "bumps.obj", "--samples", "16", "--order", "2", "-o", name)
     assert (folder / name).stat().st_size > 1000
     assert (folder / "face.npy").exists() == (name == "bounce0.txt")
+    told = json.loads(done("info", name, "--json"))
+    assert "precomputed transfer" in told["kind"]
+    assert told["vertices"] == json.loads(done("info", "bumps.obj", "--json"))["vertices"]
+
+
+def test_light_beside_triangles_of_pifu_is_no_transfer(folder):
+    done("transfer", "bumps.obj", "--samples", "16", "--order", "2", "-o", "bounce0.txt")
+    np.savetxt(folder / "light.txt", np.ones((9, 3)), fmt="%.8f")
+    kind = json.loads(done("info", "light.txt", "--json", "--no-stats"))["kind"]
+    assert kind == "coefficients of light"
 
 
 @pytest.mark.parametrize(
@@ -223,6 +233,13 @@ def test_renders_that_are_refused(folder):
             "without --transfer",
         ),
         ((*diffuse, "--mesh", "bumps.obj", "--transfer", "none.npz"), 1, "none.npz: no such file"),
+        (
+            (*diffuse, "--mesh", "bumps.obj", "--transfer", "bumps.obj"),
+            1,
+            "bumps.obj: no transfer file (those for engines are not read); name the .npz that "
+            "shrm transfer MESH -o x.npz writes",
+        ),
+        ((*diffuse, "--mesh", "bumps.obj", "--transfer", "white.exr"), 1, "no transfer file"),
         (("--mesh", "bumps.obj", "--transfer", "t.npz"), 2, "MAP", "--probe"),
         (
             (*diffuse, "--probe", "white.exr", "--mesh", "bumps.obj", "--transfer", "t.npz"),
@@ -332,5 +349,7 @@ def test_info_tells_what_is_baked_into_a_mesh(folder, suffix):
     assert "transfer" not in plain
     assert baked["triangles"] == plain["triangles"]
     np.testing.assert_allclose(baked["high"], plain["high"])
-    assert baked["see"] == f"shrm render MAP --mesh 'a b.{suffix}'"
+    see = f"shrm render MAP --mesh 'a b.{suffix}'"
+    assert baked["see"] == f"shrm transfer 'a b.{suffix}' -o x.npz, then {see} --transfer x.npz"
+    assert plain["see"] == "shrm render MAP --mesh bumps.obj"
     assert_refused(run("info", "bumps.obj", "--yaw", "5"), 2, "to probes; FILE is a mesh")

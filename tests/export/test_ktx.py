@@ -2,7 +2,8 @@
 
 import pytest
 
-from shrm_cli.export.ktx import ktx1_cube, ktx2
+from shrm_cli.errors import MapError
+from shrm_cli.export.ktx import ktx1_cube, ktx2, read_ktx1_facts, read_ktx2_facts
 from shrm_cli.export.pixels import FORMATS, encoded
 from tests.export.readers import read_ktx1, read_ktx2
 
@@ -57,3 +58,31 @@ def test_the_descriptors_are_those_of_the_specification(mips):
     for name, samples in wanted.items():
         found = read_ktx2(ktx2(packed(mips, name), (8, 8, 0), FORMATS[name], False, 6))
         assert found.header["samples"] == samples
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_files_that_are_cut_are_refused(mips, tmp_path, version):
+    levels, texels = packed(mips, "r11g11b10"), FORMATS["r11g11b10"]
+    if version == 1:
+        data, facts = ktx1_cube(levels, 8, texels, {"sh": "1 2 3"}), read_ktx1_facts
+    else:
+        data, facts = ktx2(levels, (8, 8, 0), texels, False, 6), read_ktx2_facts
+    path = tmp_path / "a.ktx"
+    path.write_bytes(data)
+    told = facts(path)
+    assert (told["holds"], told["width"], told["mips"]) == ("a cube", 8, 4)
+    assert (told["texels"], told["bytes"]) == ("r11g11b10", len(data))
+    for kept in (*range(12, 300), len(data) // 2, len(data) - 1):
+        path.write_bytes(data[:kept])
+        with pytest.raises(MapError, match=r"damaged or truncated; export it again$"):
+            facts(path)
+
+
+def test_levels_that_no_file_has_are_refused(mips, tmp_path):
+    data = bytearray(ktx2(packed(mips, "rgb9e5"), (8, 8, 0), FORMATS["rgb9e5"], False, 6))
+    for place, value in ((40, 2**32 - 1), (84, 2**32 - 1), (92, 2**32 - 1)):  # of levels and bytes
+        lying = bytearray(data)
+        lying[place : place + 4] = value.to_bytes(4, "little")
+        (tmp_path / "a.ktx2").write_bytes(lying)
+        with pytest.raises(MapError, match="damaged or truncated"):
+            read_ktx2_facts(tmp_path / "a.ktx2")
