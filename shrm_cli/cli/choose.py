@@ -208,7 +208,10 @@ def _flags(arguments: Mapping[str, Any], brdf: str) -> list[str]:
     """Return the options of `shrm prefilter` that make a map, as words."""
     from shrm_cli.maps.registry import description
 
-    words = ["--brdf", brdf] if description(arguments["to"]).needs_brdf else []
+    form = description(arguments["to"])
+    words = ["--brdf", brdf] if form.needs_brdf else []
+    ranges = {each.name for each in form.options if each.kind == "interval"}
     for name, value in arguments.items():
-        words += [f"--{name.replace('_', '-')}", options.value_word(value)]
+        word = "..".join(map(str, value)) if name in ranges else options.value_word(value)
+        words += [f"--{name.replace('_', '-')}", word]
     return words

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,7 @@ from shrm_cli.maps.base import Map
 from shrm_cli.maps.file import is_map, open_map
 from shrm_cli.maps.info import in_primaries, with_stated_primaries
 from shrm_cli.messages import refuse_arguments
-from shrm_cli.probe.options import ColorReading, ReadOptions
+from shrm_cli.probe.options import ColorReading, ReadOptions, with_keywords
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress, using
 
@@ -73,7 +73,8 @@ def convert(
     progress : callable, optional
         Called with the amount of work done and the amount in all.
     **options
-        Those of the representation that `Map.converted` takes.
+        Those of the representation that `Map.converted` takes, and attributes of `ReadOptions`,
+        such as `yaw`, which replace those of `reading`.
 
     Returns
     -------
@@ -100,7 +101,9 @@ def convert(
         raise ArgumentError("to", f"{to!r} is none of {known}")
     if to not in (vocabulary.LAYERS, *vocabulary.REPRESENTATIONS):
         refuse_arguments(f"`to` {to}", shader=shader)
-    reading = reading or ReadOptions()
+    of_probes = {each.name for each in fields(ReadOptions)} & options.keys()
+    keywords: Any = {name: options.pop(name) for name in of_probes}
+    reading = with_keywords(reading or ReadOptions(), keywords)
     if isinstance(source, Probe | np.ndarray) or not (isinstance(source, Map) or is_map(source)):
         refuse_arguments("probes", view=view, mips=mips or None, **options)
         return _of_probe(source, to, size, orientation, sampling, reading, progress)

@@ -165,7 +165,9 @@ def levels_of_map(
     wanted = split.size if size is None else size
     sizes = engine.sizes(wanted)
     roughness = engine.roughness(sizes)
-    command = _command(engine, wanted, split.lobe)
+    # A map of few texels is not worth an environment of as few levels.
+    advised = max(split.size, engine.default_size) if size is None else size
+    command = _command(engine, advised, split.lobe)
     if len(roughness) != len(split.roughness) or not np.allclose(
         roughness, split.roughness, rtol=0, atol=_SAME
     ):

@@ -89,4 +89,9 @@ def tamed(image: Array, sampler: Sampler) -> tuple[Array, list[str]]:
         return flat.reshape(image.shape), [f"no lamp is spread, as none is smaller than {size}"]
     lamps = "1 lamp is" if count == 1 else f"{count} lamps are"
     told = f"{lamps} spread over {size}: {moved:.1%} of the light"
-    return flat.reshape(image.shape), [told, sampler.told()]
+    if radius > np.radians(sampler.radius):
+        wanted = f"{sampler.radius:g} degrees"
+        looks = f"the pixels are too large for discs of {wanted}; a larger size has smaller ones"
+    else:
+        looks = sampler.told()
+    return flat.reshape(image.shape), [told, looks]

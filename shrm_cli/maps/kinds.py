@@ -29,6 +29,7 @@ from shrm_cli.vocabulary import (
 if TYPE_CHECKING:
     from shrm_cli.maps.product.product import ProductMap
     from shrm_cli.maps.product.window import LightWindow
+    from shrm_cli.probe.lighting import Projection
 
 
 class ReflectionMap(ReflectedLight, Map):
@@ -193,6 +194,10 @@ class MaterialMap(FixedMap):
         lighting : Lighting, or array_like of shape ((order+1)^2, 3)
             As `lit` takes it.
         """
+
+    @abstractmethod
+    def error_under(self, light: "Projection") -> float:
+        """Predict the relative RMS error of the light reflected that the material does not hold."""
 
     def shaded(self, *surface: object, **named: object) -> NoReturn:
         """Raise a `MapError`, since nothing is reflected without light."""

@@ -17,6 +17,9 @@ _WHITE, _BLACK = 0.1, 0.95
 which this share is below `_SEEN` is all but black. The dim rim of a small ball has 7 % of it."""
 _SEEN = 0.003
 """Ten of the 255 steps of sRGB."""
+_GLINTS, _BRIGHT_ENOUGH = 0.997, 0.2
+"""A picture is not all but black where more than the rest of this share is so bright: two lamps in
+a black mirror, drawn 13 stops brighter, were a white fog."""
 _HALF = 0.5
 """A picture whose exposure nobody named is made darker where this share of what is lit is white: a
 white ball in a studio at exposure 0 showed a tenth of itself."""
@@ -102,8 +105,8 @@ def _hides(lit: Array, white: float = _WHITE) -> bool:
     """
     if not lit.size:
         return False
-    low, high = np.quantile(lit, [white, _BLACK])
-    return bool(high <= _SEEN or low >= 1)
+    low, high, top = np.quantile(lit, [white, _BLACK, _GLINTS])
+    return bool((high <= _SEEN and top < _BRIGHT_ENOUGH) or low >= 1)
 
 
 def weighted_quantiles(

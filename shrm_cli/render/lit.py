@@ -18,7 +18,7 @@ from shrm_cli.errors import ArgumentError, MapError
 from shrm_cli.maps.base import Map, ReflectedLight
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.kinds import LightMap, MaterialMap
-from shrm_cli.maps.request import negative_share, negative_warnings
+from shrm_cli.maps.request import negative_share, negative_warnings, wrong_light
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.records import record
@@ -28,6 +28,12 @@ from shrm_cli.vocabulary import DEFAULT_ROUGHNESS
 
 _ROUNDING = 1e-6
 """How far a roughness may lie outside a map's range, which files hold as 32-bit floats."""
+
+
+_BLURRED = 0.25
+"""The predicted error from which whoever lights a product texture is told. Views that graze make
+most of it, so that pictures show less: of Ward's lobe of .2 and .4 under a city, order 4 was 45 %
+and measured 27 %, with 86 % of wrong pixels, and order 16 was 19 % and measured 2 %, with 9 %."""
 
 
 def ggx_surface(
@@ -144,7 +150,8 @@ def lit_maps(
     are. `window` is the window of the light; ``auto`` by default. `ways` are the first and the last
     values of parameters that are shown with no others.
 
-    Returns `maps`; and `warnings`, one for each map that reflects less than nothing somewhere.
+    Returns `maps`; and `warnings`, for each map that reflects less than nothing somewhere, or too
+    little of what is sharp in the light.
     """
     light = Projection(probe) if isinstance(probe, Probe) else None
     found: list[Map] = []
@@ -174,6 +181,11 @@ def lit_maps(
                 f"{shape.change:.1%} RMS, p95 {shape.p95_change:.0%}; without it (`window` none) "
                 f"{shape.spots:.1%} would lack a color"
             )
+        error = each.error_under(light)
+        if error > _BLURRED:
+            why = f"over all orientations and views, for order {order} shows nothing sharper"
+            remedy = "make the texture of a larger order, or an SHRM of the probe for its BRDF"
+            warnings.append(f"{name}: {wrong_light(error, why, remedy)}")
         # Its metals are in the primaries that the light of its making had, of Rec.709 without any.
         lit = lit.with_info(replace(lit.info, chromaticities=light.probe.chromaticities))
         share, where = _darkest(lit, ways)

@@ -173,7 +173,7 @@ def done(*arguments):
     texture by its order, so that the line about the picture does not count.
     """
     result = run(*arguments)
-    wrong = WRONG_PICTURE, "shows nothing sharper; raise --order"
+    wrong = WRONG_PICTURE, "shows nothing sharper;"
     told = [line for line in result.err.splitlines() if not any(each in line for each in wrong)]
     assert (result.code, told) == (0, [])
     return result.out

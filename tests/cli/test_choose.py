@@ -9,6 +9,7 @@ import OpenImageIO as oiio
 import pytest
 
 import shrm_cli as shrm
+from shrm_cli.cli.choose import _flags
 from tests import oracles
 from tests.cli.helpers import ROOT, assert_refused, done, polynomial_light, run, write_exr
 
@@ -57,6 +58,15 @@ def test_the_command_that_is_told_makes_the_map():
     taken = [each for each in text.splitlines() if each.startswith("  >")]
     assert len(taken) == 1
     assert "irradiance" in taken[0]
+
+
+def test_ranges_are_told_as_the_command_takes_them():
+    (choice,) = shrm.choose("p.exr", "ggx:roughness=0.3")
+    (offer,) = (each for each in choice.offers if each.arguments and each.arguments["to"] == "she")
+    words = _flags(offer.arguments, choice.brdf)
+    assert "0.3..0.3" in words
+    done("prefilter", "p.exr", *words, "-o", "she.exr")
+    assert shrm.open_map("she.exr").roughness_range == pytest.approx((0.3, 0.3))
 
 
 def test_the_command_that_is_told_can_be_pasted_into_a_shell():

@@ -106,3 +106,11 @@ def test_probes_become_no_maps(probe, to):
         shrm.convert(probe, to)
     with pytest.raises(shrm.ArgumentError, match="`view` does not apply to probes"):
         shrm.convert(probe, "latlong", view=(0.0, 0.0))
+
+
+def test_light_is_turned_by_name_as_the_command_turns_it(probe):
+    made = shrm.prefilter(probe, to="irradiance")
+    turned = shrm.convert(made, "irradiance", yaw=30)
+    other = shrm.convert(made, "irradiance", reading=shrm.ReadOptions(yaw=30))
+    np.testing.assert_array_equal(turned.map.coefficients, other.map.coefficients)
+    assert not np.allclose(turned.map.coefficients, made.coefficients)

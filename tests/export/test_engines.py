@@ -322,7 +322,8 @@ def test_a_split_sum_that_fits_gives_the_same_levels(probe, tmp_path):
     ("levels", "mapping", "size", "asked", "why"),
     [
         (5, "linear", 64, {}, r"roughness 0, 0\.25, .*, 1; Filament looks up 0, 0\.293, 1 at size"),
-        (3, "linear", 64, {}, r"--mapping filament --levels 3 --mips --size 64"),
+        (3, "linear", 64, {"size": 64}, r"--mapping filament --levels 3 --mips --size 64"),
+        (3, "linear", 64, {}, r"--mapping filament --levels 5 --mips --size 256"),
         (3, "filament", 32, {"size": 64}, r"level 0 has 32 texels along an edge, not 64"),
     ],
 )

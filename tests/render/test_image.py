@@ -207,6 +207,14 @@ def test_the_default_exposure_shows_what_would_be_white_or_black(stops):
     assert shown_at("a.exr", drawn) == 0
 
 
+@pytest.mark.parametrize(("share", "is_black"), [(0.002, True), (0.01, False)])
+def test_lamps_in_a_black_mirror_are_no_black_picture(share, is_black):
+    values = np.full((10_000, 3), 1e-5)
+    values[: int(share * len(values))] = 0.5
+    assert (shown_at("a.png", values) > 5) == is_black
+    assert bool(exposure_advice("a.png", values, 0)) == is_black
+
+
 def test_one_white_view_among_others_makes_all_darker_and_none_brighter():
     """Of three views of a ball in a studio two were white, though half of all that was lit was not.
 

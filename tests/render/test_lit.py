@@ -8,9 +8,11 @@ import pytest
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.errors import BrdfError
 from shrm_cli.maps.info import MapInfo, record_of, same_brdf
+from shrm_cli.maps.product.prefilter import product_texture
 from shrm_cli.maps.she.exponential import SphericalHarmonicExponential
 from shrm_cli.maps.splitsum.split_sum import SplitSum
-from shrm_cli.render.lit import ggx_surface, outside_range
+from shrm_cli.probe.probe import Probe
+from shrm_cli.render.lit import ggx_surface, lit_maps, outside_range
 from tests.render.materials import furnace
 
 INFO = MapInfo(0, 0, 0.0, 1.0, 0.0)
@@ -83,3 +85,20 @@ def test_lines_about_maps_of_another_range():
         "one: it was made for roughness 0.5, not 0.6",
         "e: it was made for roughness 0.2 .. 0.5, not 0.6",
     ]
+
+
+def test_what_a_texture_of_few_orders_blurs_is_told():
+    """Of order 4, a sharp lobe under lamps; not of what is matt, or under light without lamps."""
+    lamp = np.full((32, 64, 3), 0.1, np.float32)
+    lamp[10, 20] = 300
+    told = {}
+    for spec in ("ward:ax=0.2,ay=0.4", "lambertian"):
+        texture = product_texture(parse_spec(spec), 4, 16).map
+        for light, pixels in (("lamp", lamp), ("even", np.ones_like(lamp))):
+            probe = Probe.from_array(pixels)
+            _, lines = lit_maps([texture], ["a.exr"], probe, "none")
+            told[spec[:4], light] = [line for line in lines if "shows nothing sharper" in line]
+    assert [key for key, lines in told.items() if lines] == [("ward", "lamp")]
+    (line,) = told["ward", "lamp"]
+    assert line.startswith("a.exr: the reflected light is wrong by ")
+    assert "for order 4 shows" in line

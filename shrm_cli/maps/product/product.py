@@ -33,6 +33,7 @@ from shrm_cli.vocabulary import Center, Frame, Sampling
 
 if TYPE_CHECKING:
     from shrm_cli.maps.product.window import LightWindow
+    from shrm_cli.probe.lighting import Projection
 
 Points = Sequence[ArrayLike]
 """Normals, tangents and views, shape (..., 3), broadcastable; unit vectors in world axes."""
@@ -142,6 +143,11 @@ class ProductMap(_Parabolic, MaterialMap):
         from shrm_cli.maps.product.window import product_window
 
         return product_window(spec, self, lighting)
+
+    def error_under(self, light: "Projection") -> float:
+        from shrm_cli.maps.product.window import error_beyond_order
+
+        return max(error_beyond_order(each, light) for each in self.textures)
 
     def mixed(self, matrix: Array, info: MapInfo) -> Map:
         """Raise a `MapError`, since only light has primaries."""

@@ -17,12 +17,14 @@ from shrm_cli.arrays import Array, relative_rms
 from shrm_cli.maps.irradiance.window import Window, least_factors, make_window, parse_window
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import normalize, surface_frames
+from shrm_cli.sphere.harmonics import by_degree
 from shrm_cli.sphere.quadrature import spiral_directions
 from shrm_cli.sphere.rotation import own_axes, rotate_into_frames, transform_coefficients
 from shrm_cli.vocabulary import LUMINANCE, SEEN_FLOOR
 
 if TYPE_CHECKING:
     from shrm_cli.maps.product.product import ProductMap, ProductTexture
+    from shrm_cli.probe.lighting import Projection
 
 _FRAMES = 1024
 """The orientations of the surface for which reflected light is looked at."""
@@ -103,6 +105,23 @@ def product_window(spec: str, product: "ProductMap", series: ArrayLike) -> Light
         "spots": _spots(by_degree, np.ones(len(lost))),
     }
     return LightWindow(**{**asdict(found), **costs})
+
+
+def error_beyond_order(texture: "ProductTexture", light: "Projection") -> float:
+    """Predict the relative RMS error that light of higher degrees than a texture's makes.
+
+    It is over all orientations of the surface and views above it, as `maps.product.prefilter` has
+    it, who knows the BRDF. Here the energy of the BRDF beyond the order is taken to be in the next
+    octave of degrees, which is right to a fifth for lobes of all widths.
+    """
+    order, captured = texture.order, texture.info.captured
+    degrees = np.arange(2 * order + 3)[:, None]
+    density = light.to_order(2 * order + 2).power()[: len(degrees)] / (2 * degrees + 1)
+    squares = texture.values(even_views(_VIEWS, _LEAST_COSINE), linear=True) ** 2
+    known = by_degree(squares, axis=1).mean(axis=0)
+    beyond = known.sum(axis=0) * (1 - captured) / max(captured, np.finfo(float).tiny)
+    missed = float((beyond * density[order + 1 :].mean(axis=0)).sum())
+    return relative_rms(missed, float((known * density[: order + 1]).sum()) + missed)
 
 
 def even_views(count: int, least: float) -> Array:
