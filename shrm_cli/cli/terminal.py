@@ -19,8 +19,8 @@ import threading
 import time
 import unicodedata
 from collections.abc import Callable, Collection, Iterator, Sequence
-from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, TextIO
+from contextlib import contextmanager, suppress
+from typing import TYPE_CHECKING, Any, TextIO, TypeVar
 
 import click
 
@@ -208,6 +208,7 @@ def tell_nobody() -> None:
     sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115, it stays open
 
 
+Shown = TypeVar("Shown", "_LongWork", "_Bar")
 _BEGAN = time.monotonic()
 _SILENCE = 1.0
 """Seconds after the beginning of the process in which no bar is shown."""
@@ -229,13 +230,14 @@ def progress_bar(label: str) -> Iterator[Progress | None]:
 
     It is None with --quiet. The bar shows the time that passes while nothing is reported, too, so
     that nobody takes long steps for a process that hangs. Where there is no terminal, long work
-    prints a line now and then.
+    prints a line now and then, also within such steps.
     """
     if usage.is_quiet() or sys.stderr is None:
         yield None
         return
     if not has_terminal():
-        yield _LongWork(label)
+        with _own_stderr() as stream, _beating(_LongWork(label, stream)) as work:
+            yield work
         return
     from tqdm import tqdm
 
@@ -243,16 +245,25 @@ def progress_bar(label: str) -> Iterator[Progress | None]:
 
     delay = max(_LEAST_SILENCE, _SILENCE - (time.monotonic() - _BEGAN))
     options = {**bar_options(label), "delay": delay, "mininterval": 0.1}
-    with _own_stderr() as stream, tqdm(file=stream, **options) as bar:
-        shown = _Bar(bar, stream)
-        over = threading.Event()
-        beating = threading.Thread(target=shown.beat, args=(over,), daemon=True)
-        beating.start()
-        try:
-            yield shown
-        finally:
-            over.set()
-            beating.join()
+    with (
+        _own_stderr() as stream,
+        tqdm(file=stream, **options) as bar,
+        _beating(_Bar(bar, stream)) as shown,
+    ):
+        yield shown
+
+
+@contextmanager
+def _beating(shown: Shown) -> Iterator[Shown]:
+    """Yield what shows progress, whose `beat` runs in a thread of its own meanwhile."""
+    over = threading.Event()
+    beating = threading.Thread(target=shown.beat, args=(over,), daemon=True)
+    beating.start()
+    try:
+        yield shown
+    finally:
+        over.set()
+        beating.join()
 
 
 @contextmanager
@@ -290,17 +301,35 @@ class _Lines:
 class _LongWork(_Lines):
     """Lines about how far work is, and how long the rest of it will take."""
 
-    _share = 0.0
+    def __init__(self, label: str, stream: TextIO) -> None:
+        super().__init__(label)
+        self._stream, self._lock = stream, threading.Lock()
+        self._now = self._share = 0.0
 
     def __call__(self, done: int, total: int) -> None:
-        if not 0 < done < total or (spent := self.spent(_LONG_SILENCE)) is None:
-            return
-        share = done / total
-        # A step that takes long tells nothing of the rest, nor do searches that go on at the end.
-        left = spent / share - spent
-        is_known, self._share = share > self._share and left >= 1, share
-        text = f", about {_duration(left)} left" if is_known else ""
-        echo_message(f"{self.label}: {int(100 * share)}% after {_duration(spent)}{text}")
+        if 0 < done < total:
+            self._now = done / total
+            self._tell()
+
+    def beat(self, over: threading.Event) -> None:
+        """Tell of the time that passes while nothing is reported, until something is over."""
+        while not over.wait(_LONG_SILENCE):
+            self._tell()
+
+    def _tell(self) -> None:
+        with self._lock:
+            if (spent := self.spent(_LONG_SILENCE)) is None:
+                return
+            # A step that takes long tells nothing of the rest, nor do searches that go on at the
+            # end.
+            share, before = self._now, self._share
+            left = spent / share - spent if share > before else 0.0
+            text = f", about {_duration(left)} left" if left >= 1 else ""
+            self._share = share
+            line = f"{self.label}: {int(100 * share)}% after {_duration(spent)}{text}\n"
+            with suppress(OSError, ValueError):  # what is done goes on though nobody is told
+                self._stream.write(line)
+                self._stream.flush()
 
 
 class _Bar:

@@ -173,3 +173,16 @@ def test_logs_tell_of_long_work(monkeypatch, capsys):
         "comparing: 87% after 2 min, about 15 s left",
         "comparing: 99% after 3 min",
     ]
+
+
+def test_logs_tell_of_steps_that_report_nothing(monkeypatch, capsys):
+    """A search for principal functions took a minute in which nothing was said."""
+    monkeypatch.setattr(terminal, "_LONG_SILENCE", 0.05)
+    with terminal.progress_bar("prefiltering") as progress:
+        time.sleep(0.3)
+        progress(3, 4)
+        time.sleep(0.3)
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[0].startswith("prefiltering: 0% after ")
+    assert lines[-1].startswith("prefiltering: 75% after ")
+    assert len(lines) >= 2
