@@ -34,6 +34,7 @@ def packed(engine: Engine, light: Light, name: str | None, max_error: float | No
     if limit is None:
         return _usual(engine, light, names)
     passed: list[str] = []
+    least = np.inf
     for each in names:
         made = _pack(engine, light, ALL[each])
         worst = max(made.losses, key=lambda found: found.worst, default=None)
@@ -42,7 +43,10 @@ def packed(engine: Engine, light: Light, name: str | None, max_error: float | No
                 made.told.append(f"{'; '.join(passed)}; {each} was written instead")
             return made
         passed.append(_excess(each, worst))
-    raise ArgumentError("max_error", f"{limit:g} is not kept: {'; '.join(passed)}")
+        least = min(least, worst.worst)
+    is_left = "rgba16f" in engine.formats and "rgba16f" not in names
+    kept = f"{np.ceil(1e4 * least) / 1e4:g} is{', or give `format` rgba16f' if is_left else ''}"
+    raise ArgumentError("max_error", f"{limit:g} is not kept: {'; '.join(passed)}; {kept}")
 
 
 def _usual(engine: Engine, light: Light, names: list[str]) -> Package:

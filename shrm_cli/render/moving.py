@@ -270,7 +270,8 @@ def frame_paths(pattern: str, count: int) -> list[str]:
     folder, name = os.path.split(pattern)
     if len(_NUMBER.findall(name)) != 1:
         stem, suffix = os.path.splitext(name)
-        example = f"{_NUMBER.sub('', stem).rstrip('.') or 'frame'}.%04d{suffix}"
+        bare = re.sub(r"%\d*d", "", stem).rstrip(".")
+        example = f"{bare or 'frame'}.%04d{suffix}"
         raise OutputError(f"{pattern}: frames need one place for their number, such as {example}")
     before, digits, after = _NUMBER.split(name)
     return [os.path.join(folder, f"{before}{k:0{digits}d}{after}") for k in range(1, count + 1)]

@@ -20,6 +20,11 @@ def test_names_need_one_place_for_the_number(pattern):
         frame_paths(pattern, 3)
 
 
+def test_the_example_has_the_place_that_the_name_lacks():
+    with pytest.raises(OutputError, match=r"such as b\.%04d\.png$"):
+        frame_paths("b.%d.png", 3)
+
+
 def test_views_are_equal_steps_from_the_first():
     views = turntable(Viewer(30, -20), 4)
     assert [(view.azimuth, view.elevation) for view in views] == [
