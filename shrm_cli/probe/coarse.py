@@ -22,8 +22,9 @@ from shrm_cli.probe.image import ArrayImage, ProbeImage
 from shrm_cli.probe.pixels import PixelPolicy, PixelReport
 from shrm_cli.probe.probe import Probe
 from shrm_cli.records import record
-from shrm_cli.sphere.grid.base import grid_class
-from shrm_cli.sphere.synthesis import synthesize_cube
+from shrm_cli.sphere.cube import cube_directions
+from shrm_cli.sphere.grid.cube import Cube
+from shrm_cli.sphere.grid.latlong import LatLong, sample_latlong_cubic
 from shrm_cli.vocabulary import COARSE_ROWS
 
 if TYPE_CHECKING:
@@ -114,28 +115,22 @@ def _over_rim(image: Array, used: NDArray[np.bool_]) -> Array:
 
 def _goes_on(probe: Probe) -> bool:
     """Whether the light has degrees that its pixels do not hold."""
-    with np.errstate(over="ignore", invalid="ignore"):  # whoever projects it refuses what overflows
-        series, energy = _analysed(probe)
-        known = np.sum(series**2)
-    return bool(abs(energy - known) > _BEYOND * energy)
-
-
-def _analysed(probe: Probe) -> tuple[Array, float]:
-    """Return the coefficients of the degrees that pixels hold, and the energy of the pixels."""
     analysis, energy = probe.grid.analysis(probe.grid.resolved_order), 0.0
-    for start, pixels, weights in probe.blocks():
-        analysis.add(start, pixels, weights)
-        squares = np.sum(pixels.astype(float) ** 2, axis=-1)
-        energy += float(np.sum(weights * squares))
-    return analysis.coefficients(), energy
+    with np.errstate(over="ignore", invalid="ignore"):  # whoever projects it refuses what overflows
+        for start, pixels, weights in probe.blocks():
+            analysis.add(start, pixels, weights)
+            squares = np.sum(pixels.astype(float) ** 2, axis=-1)
+            energy += float(np.sum(weights * squares))
+        known = np.sum(analysis.coefficients() ** 2)
+    return bool(abs(energy - known) > _BEYOND * energy)
 
 
 def summed_probe(probe: Probe, rows: int) -> Probe:
     """Return the same light for sums over pixels under lobes that are narrower than these.
 
     `probe` is as `fine_probe` returns it, which leaves smooth light alone: of large pixels it is
-    brought to small ones, between which it goes on as its degrees do. Then pixels are cut to those
-    of a lat-long of some rows, because at its poles large ones are no rectangles.
+    brought to small ones, between whose middles it goes on. Then pixels are cut to those of a
+    lat-long of some rows, because at its poles large ones are no rectangles.
 
     Returned is the probe itself where it is a sum of lights.
     """
@@ -147,14 +142,18 @@ def summed_probe(probe: Probe, rows: int) -> Probe:
 
 
 def _continued(probe: Probe) -> Probe:
-    """Return smooth light as its degrees are at the texels of a fine cube."""
-    if probe.sampling != "center":
-        return probe
-    series, _ = _analysed(probe)
-    pixels = np.moveaxis(synthesize_cube(series, COARSE_ROWS, dtype=np.float32), 0, -1)
-    image = _Parts(np.maximum(pixels, 0), probe.name, probe.images)
-    grid = grid_class("cube")(COARSE_ROWS)
+    """Return smooth light as it is at the texels of a fine cube, between the middles of pixels.
+
+    The series of its degrees would ring beside a horizon by the little that they miss.
+    """
+    image, directions = probe.image(), cube_directions(COARSE_ROWS)
+    is_latlong = isinstance(probe.grid, LatLong) and probe.sampling == "center"
+    pixels = (
+        sample_latlong_cubic(image, directions) if is_latlong
+        else probe.grid.sampler(image)(directions)
+    )  # fmt: skip
+    made = _Parts(np.maximum(pixels, 0, dtype=np.float32), probe.name, probe.images)
     return Probe(
-        probe.name, grid, "openexr", "openexr", probe.matrix, PixelPolicy(), probe.chromaticities,
-        (image,), proxy=probe.proxy,
+        probe.name, Cube(COARSE_ROWS), "openexr", "openexr", probe.matrix,
+        PixelPolicy(), probe.chromaticities, (made,), proxy=probe.proxy,
     )  # fmt: skip
