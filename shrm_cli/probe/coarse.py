@@ -34,9 +34,9 @@ if TYPE_CHECKING:
 _BEYOND = 1e-4
 """The part of the light's energy that its degrees may miss or have too much: 1 % as RMS."""
 _RINGS = 1e-5
-"""The part from which the series of the degrees rings beside a horizon, so that light goes on between
-the middles of pixels as a cubic filter has it: of skies of 32 and 64 rows 7 and 2 e-5, whose maps
-had rings of 4 % and 1 %. Skies without a horizon have 1e-6."""
+"""The part from which the series of the degrees rings beside a horizon, so that light goes on
+between the middles of pixels as a cubic filter has it: of skies of 32 and 64 rows 7 and 2 e-5,
+whose maps had rings of 4 % and 1 %. Light without a horizon has 1e-6."""
 
 
 @record(eq=False)
