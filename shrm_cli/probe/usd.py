@@ -15,7 +15,7 @@ import re
 import stat
 import zipfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -81,7 +81,10 @@ def _opened(name: str, opening: Callable[..., Probe]) -> Iterator[tuple["_Lights
             content = _check_layers(root)
             yield _Lights(name, path, root, opening), content
     except pxr.Tf.ErrorException as error:
-        place = _PLACE.search(str(error))
+        said = ""
+        with suppress(UnicodeDecodeError):  # it quotes the layer, whose bytes may be no text
+            said = str(error)
+        place = _PLACE.search(said)
         where = f": see line {place[2]} of {place[1]}" if place else ""
         said = f"{name}: its lights cannot be read (damaged, or no USD{where})"
         raise ProbeError(said) from error

@@ -2,6 +2,7 @@
 
 import sys
 import zipfile
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -233,6 +234,13 @@ BAD = {
 def test_what_is_refused_is_one_line(folder, case):
     text, words = BAD[case]
     assert_refused(run("info", stage(text)), 1, "s.usda: its lights cannot be read (", words)
+
+
+def test_bytes_that_are_no_text_are_damage(folder):
+    """OpenUSD's error quotes them, and cannot be made a text."""
+    Path(stage('def Xform "X" {}')).write_bytes(b'#usda 1.0\ndef Xform "\x9b" {\n def "a\n')
+    said = "s.usda: its lights cannot be read (damaged, or no USD"
+    assert_refused(run("info", "s.usda"), 1, said)
 
 
 def test_it_names_the_package(tmp_path, monkeypatch):
