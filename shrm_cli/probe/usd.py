@@ -41,8 +41,8 @@ _MOST_BYTES = 2**28
 _MOST_LAYERS, _MOST_PRIMS, _MOST_LIGHTS, _MOST_PLACES = 256, 10**6, 1000, 2**16
 _Z_UP = ReadOptions(up="z").matrix()
 """The turn from a stage whose +Z is up to our axes; its inverse turns a dome from +Y to +Z."""
-_PLACE = re.compile(r"([^/\\:'\n]+):(\d+):\d+: ")
-"""Where OpenUSD says that the text of a layer is wrong."""
+_PLACE = re.compile(r"([^/\\:'\n]{1,255}):(\d+):\d+: ")
+"""Where OpenUSD says that the text of a layer is wrong. It quotes what may be a line of 100 kB."""
 _ANIMATED = "is animated, and is as in its first frame"
 _LAYOUTS = {"latlong": "latlong", "angular": "angular", "cubeMapVerticalCross": "vcross"}
 

@@ -226,6 +226,7 @@ BAD = {
                   'uniform token[] xformOpOrder = ["xformOp:scale"]'), "is no rotation"),
     "clips": ('def "X" ( clips = { dictionary default = {} } ) {}', "value clips"),
     "damaged": ('def DomeLight "D" {', "damaged, or no USD: see line 7 of s.usda)"),
+    "a long name": (f'def "{100_000 * "["}" {{}}', "damaged, or no USD"),
     "nested": (3000 * 'def "a" {\n' + 3000 * "}\n", "nested too deeply; flatten"),
 }  # fmt: skip
 
