@@ -122,13 +122,17 @@ class Points:
 
         Returns an array of shape (..., m).
         """
-        least, reach = part * self.core[0], self.core[1]
+        least = part * self.core[0]
         near = np.zeros(cosines.shape, dtype=bool)
         large = np.flatnonzero(radii > least)
-        angles = np.arccos(np.clip(cosines[..., large], -1, 1))
-        beyond = np.maximum(angles - radii[large] - reach, 0)
+        beyond = self._beyond_core(cosines[..., large], radii[large])
         near[..., large] = radii[large] > least + _GRADING * beyond
         return near
+
+    def _beyond_core(self, cosines: Array, radii: Array) -> Array:
+        """How far cells lie from where the core of a lobe may be, radians, shape (..., m)."""
+        angles = np.arccos(np.clip(cosines, -1, 1))
+        return np.maximum(angles - radii - self.core[1], 0)
 
     def of_pixels(
         self, pixels: Level, cells: Indices, values: Array, coarse: Array, weights: Array,
@@ -202,8 +206,7 @@ class Points:
         """
         radii = (np.linalg.norm(sides, axis=-1).max(axis=-1) / 2)[pixels]
         cosines = np.einsum("nc,nc->n", self.centers[points], directions[pixels])
-        angles = np.arccos(np.clip(cosines, -1, 1))
-        beyond = np.maximum(angles - radii - self.core[1], 0)
+        beyond = self._beyond_core(cosines, radii)
         needed = np.ceil(radii / (PART * self.core[0] + _GRADING * beyond))
         return 1 + needed.astype(np.intp)
 

@@ -102,10 +102,11 @@ class Reference:
         self._parts: list[Part] = [(brdf, None)]
         if not exact:
             self._core = core = Core.of(brdf)
-            is_narrow = np.median(core.widths) < _PIXELS_OF_CORE * np.sqrt(4 * np.pi / pixels)
+            width, pixel = np.median(core.widths), np.sqrt(4 * np.pi / pixels)
+            is_narrow = width < _PIXELS_OF_CORE * pixel
             if is_narrow and asked is None:
-                needle = np.median(core.widths) < _PART_OF_PIXEL * np.sqrt(4 * np.pi / pixels)
-                probe = summed_probe(probe, _ROWS_OF_NEEDLES if needle else 0)
+                is_needle = width < _PART_OF_PIXEL * pixel
+                probe = summed_probe(probe, _ROWS_OF_NEEDLES if is_needle else 0)
                 pixels = prod(probe.grid.shape)
             exact = pixels <= _FEW_PIXELS and not is_narrow
             exact = exact or core.cells > min(MOST_CELLS, _FULL_SHARE * pixels)

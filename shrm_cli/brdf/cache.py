@@ -135,8 +135,8 @@ class _Kind(Generic[Content]):
     fits: Callable[..., bool]
     """Takes an entry that was read and the parameters: whether it is of their orders. An entry of a
     first order is asked for without any, and fits where it is an order."""
-    least_seconds: float | None = None
-    """What takes less to compute is not worth a file; `_SLOW` where there is no other time."""
+    is_always_kept: bool = False
+    """Whether an entry has a file however quickly it was computed."""
 
 
 _COEFFICIENTS = _Kind(
@@ -157,7 +157,7 @@ _FIRST_ORDER = _Kind(
     FirstOrder,
     lambda: 0,
     lambda found: 0 < found.order_f <= MAX_ORDER_F,
-    least_seconds=0.0,  # few samples, of modules that a run with coefficients does not load else
+    is_always_kept=True,  # few samples, of modules that a run with coefficients does not load else
 )
 
 
@@ -195,8 +195,7 @@ def _cached(
         if found is None:
             start = time.perf_counter()
             found = compute(brdf, *parameters)
-            least = _SLOW if kind.least_seconds is None else kind.least_seconds
-            if time.perf_counter() - start > least:
+            if kind.is_always_kept or time.perf_counter() - start > _SLOW:
                 _write(path, key, found)
         return found
 

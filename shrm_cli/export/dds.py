@@ -11,7 +11,7 @@ import struct
 from collections.abc import Sequence
 from typing import Any
 
-from shrm_cli.errors import MapError
+from shrm_cli.export.ktx import damaged
 from shrm_cli.export.pixels import TexelFormat
 
 _HEADER = struct.Struct("<4s 7I 44x 2I 4s 20x 4I 4x")
@@ -83,7 +83,7 @@ def read_dds_facts(path: str | os.PathLike[str]) -> dict[str, Any] | None:
     sides = (max(width >> k, 1) * max(height >> k, 1) for k in range(max(1, min(mips, 16))))
     count = (6 if flags & _IS_CUBE else 1) * 4 * sum(sides)
     if os.path.getsize(path) < len(start) + count:
-        raise MapError(f"{os.fspath(path)}: damaged or truncated; export it again")
+        raise damaged(path)
     return {
         "kind": "DDS texture of engines",
         "holds": "a cube" if flags & _IS_CUBE else "a picture",

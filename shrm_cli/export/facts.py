@@ -4,14 +4,13 @@ import os
 from pathlib import Path
 from typing import Any
 
-from shrm_cli.errors import MapError
 from shrm_cli.export.asset import read_light_facts
 from shrm_cli.export.dds import read_dds_facts
-from shrm_cli.export.ktx import read_ktx1_facts
+from shrm_cli.export.engines.babylon import MARK
+from shrm_cli.export.ktx import damaged, read_ktx1_facts
 from shrm_cli.files.json_text import parse_json
 from shrm_cli.probe.series import for_engines
 
-_BABYLON = bytes([0x86, 0x16, 0x87, 0x96, 0xF6, 0xD6, 0x96, 0x36])
 _MOST_HEADER, _MOST_JSON = 2**16, 2**25
 _USE = "for engines; shrm reads the probe or the map that it was made of"
 
@@ -32,18 +31,18 @@ def _babylon(path: str) -> dict[str, Any] | None:
     """Facts of Babylon.js's ``.env``."""
     with open(path, "rb") as file:
         start = file.read(_MOST_HEADER)
-    if not start.startswith(_BABYLON):
+    if not start.startswith(MARK):
         return None
-    text, end, _ = start[len(_BABYLON) :].partition(b"\0")
+    text, end, _ = start[len(MARK) :].partition(b"\0")
     try:
         head = parse_json(text.decode())
         pictures = head["specular"]["mipmaps"]
         last = max(each["position"] + each["length"] for each in pictures)
-        if not end or len(_BABYLON) + len(text) + 1 + last > os.path.getsize(path):
+        if not end or len(MARK) + len(text) + 1 + last > os.path.getsize(path):
             raise ValueError("truncated")
         width = int(head["width"])
     except (ValueError, TypeError, LookupError):
-        raise MapError(f"{path}: damaged or truncated; export it again") from None
+        raise damaged(path) from None
     return {
         "kind": "environment of Babylon.js",
         "width": width,

@@ -169,9 +169,9 @@ def read_ktx2_facts(path: str | os.PathLike[str]) -> dict[str, Any] | None:
         for k in range(max(mips, 1)):  # 0 asks for more mips than the one that there is
             place, count, _ = struct.unpack_from("<3Q", start, head + 24 * k)
             if place + count > size:
-                raise _damaged(path)
+                raise damaged(path)
     except struct.error:
-        raise _damaged(path) from None
+        raise damaged(path) from None
     known = (name for name, (own, _, _) in _VULKAN.items() if own == number)
     return {
         "holds": "a cube" if faces == 6 else "a volume" if depth else "a picture",
@@ -204,9 +204,9 @@ def read_ktx1_facts(path: str | os.PathLike[str]) -> dict[str, Any] | None:
                 file.seek(min(place, size))
                 place += 4 + faces * struct.unpack("<I", file.read(4))[0]
         except struct.error:
-            raise _damaged(path) from None
+            raise damaged(path) from None
     if place > size:
-        raise _damaged(path)
+        raise damaged(path)
     known = (name for name, numbers in _GL.items() if numbers[3] == internal)
     return {
         "kind": "KTX 1 texture of engines",
@@ -217,7 +217,8 @@ def read_ktx1_facts(path: str | os.PathLike[str]) -> dict[str, Any] | None:
     }  # fmt: skip
 
 
-def _damaged(path: str | os.PathLike[str]) -> MapError:
+def damaged(path: str | os.PathLike[str]) -> MapError:
+    """Return the error about a file for engines that ends before its last texel."""
     return MapError(f"{os.fspath(path)}: damaged or truncated; export it again")
 
 

@@ -66,7 +66,7 @@ def fine_probe(probe: Probe) -> Probe:
 
 def _refined(probe: Probe, rows: int) -> Probe:
     """Return a probe in pixels as small as those of some rows, unless its degrees say all of it."""
-    if probe.grid.resolution >= rows or probe.sampling != "center":
+    if not _may_be_cut(probe, rows):
         return probe
     beyond = _energy_beyond(probe)
     if beyond > _BEYOND:
@@ -74,14 +74,14 @@ def _refined(probe: Probe, rows: int) -> Probe:
     return _continued(probe) if probe.may_be_coarse and beyond > _RINGS else probe
 
 
-def _cut(probe: Probe, rows: int) -> Probe:
-    """Return a probe whose pixels are cut into parts, as small as those of a lat-long of some rows.
+def _may_be_cut(probe: Probe, rows: int) -> bool:
+    """Whether a probe is coarser than a lat-long of some rows, and no pixels of it are halves."""
+    return probe.grid.resolution < rows and probe.sampling == "center"
 
-    Returned is that probe itself where it is as fine, or its pixels at borders are halves.
-    """
+
+def _cut(probe: Probe, rows: int) -> Probe:
+    """Return a probe in parts of its pixels, as small as those of a lat-long of some rows."""
     count = int(np.ceil(rows / probe.grid.resolution))
-    if count < 2 or probe.sampling != "center":
-        return probe
     image, used = probe.image(), probe.grid.used()
     if used is not None:
         image = _over_rim(image, used)
@@ -146,7 +146,9 @@ def summed_probe(probe: Probe, rows: int) -> Probe:
 
     if isinstance(probe, LightSum):
         return probe
-    return _cut(_continued(probe) if probe.may_be_coarse else probe, rows)
+    if probe.may_be_coarse:
+        probe = _continued(probe)
+    return _cut(probe, rows) if _may_be_cut(probe, rows) else probe
 
 
 def _continued(probe: Probe) -> Probe:

@@ -81,10 +81,9 @@ def _opened(name: str, opening: Callable[..., Probe]) -> Iterator[tuple["_Lights
             content = _check_layers(root)
             yield _Lights(name, path, root, opening), content
     except pxr.Tf.ErrorException as error:
-        said = ""
+        place = None
         with suppress(UnicodeDecodeError):  # it quotes the layer, whose bytes may be no text
-            said = str(error)
-        place = _PLACE.search(said)
+            place = _PLACE.search(str(error))
         where = f": see line {place[2]} of {place[1]}" if place else ""
         said = f"{name}: its lights cannot be read (damaged, or no USD{where})"
         raise ProbeError(said) from error

@@ -68,7 +68,7 @@ def shown_at(path: str, *pictures: ArrayLike, asked: float | None = None) -> flo
     suitable = suitable_exposure(lit)
     if not _hides(lit, _HALF):
         # One view may be white beside others of which enough is seen.
-        is_one_white = any(each.size and np.quantile(each, _HALF) >= 1 for each in each_lit)
+        is_one_white = any(_is_white(each, _HALF) for each in each_lit)
         return min(suitable, 0.0) if is_one_white else 0.0
     return 0.0 if _hides(lit * 2.0**suitable) else suitable
 
@@ -105,8 +105,13 @@ def _hides(lit: Array, white: float = _WHITE) -> bool:
     """
     if not lit.size:
         return False
-    low, high, top = np.quantile(lit, [white, _BLACK, _GLINTS])
-    return bool((high <= _SEEN and top < _BRIGHT_ENOUGH) or low >= 1)
+    high, top = np.quantile(lit, [_BLACK, _GLINTS])
+    return bool(high <= _SEEN and top < _BRIGHT_ENOUGH) or _is_white(lit, white)
+
+
+def _is_white(lit: Array, share: float) -> bool:
+    """Whether no larger share of what is lit is below 1."""
+    return bool(lit.size and np.quantile(lit, share) >= 1)
 
 
 def weighted_quantiles(

@@ -172,6 +172,7 @@ def lit_maps(
         if light is None:
             raise MapError(f"{name}: a product texture that holds no light; give `probe`")
         order = each.info.order_f
+        error = each.error_under(light)  # of the most degrees, so that light is projected once
         series = light.to_order(order).coefficients[: (order + 1) ** 2]
         shape = each.window(window or "auto", series)
         lit = each.lit(shape.apply(series))
@@ -181,7 +182,6 @@ def lit_maps(
                 f"{shape.change:.1%} RMS, p95 {shape.p95_change:.0%}; without it (`window` none) "
                 f"{shape.spots:.1%} would lack a color"
             )
-        error = each.error_under(light)
         if error > _BLURRED:
             why = f"over all orientations and views, for order {order} shows nothing sharper"
             remedy = "make the texture of a larger order, or an SHRM of the probe for its BRDF"

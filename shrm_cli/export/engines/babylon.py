@@ -26,7 +26,7 @@ from shrm_cli.export.pixels import TexelFormat, rgbd_pictures
 from shrm_cli.export.quoting import string, uri
 from shrm_cli.vocabulary import MIN_ROUGHNESS
 
-_MARK = bytes([0x86, 0x16, 0x87, 0x96, 0xF6, 0xD6, 0x96, 0x36])
+MARK = bytes([0x86, 0x16, 0x87, 0x96, 0xF6, 0xD6, 0x96, 0x36])
 LOD_SCALE = 0.8
 """How many levels further twice the ggx_alpha lies: level k holds ``2^(k / 0.8) / size``."""
 LOOKUP = mirrored(1, 1, -1)
@@ -106,7 +106,7 @@ def _env_file(
     }
     if irradiance is not None:
         head["irradiance"] = {name: list(values) for name, values in irradiance.items()}
-    return _MARK + json.dumps(head, allow_nan=False).encode("ascii") + b"\0" + b"".join(pictures)
+    return MARK + json.dumps(head, allow_nan=False).encode("ascii") + b"\0" + b"".join(pictures)
 
 
 def _halved(cube: Array) -> Array:
