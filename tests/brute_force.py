@@ -13,6 +13,13 @@ def unit(rng, count):
     return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
 
 
+def pixels_of_spheres(rng, count):
+    """Normals and views as pixels of spheres have them: all mirror directions are as frequent."""
+    mirrored, views = unit(rng, count), unit(rng, count)
+    normals = mirrored + views
+    return normals / np.linalg.norm(normals, axis=1)[:, None], views
+
+
 def on_sphere(square):
     """Return directions that are as even on the sphere as points are on a square, (n, 2)."""
     z, azimuth = 2 * square[:, 0] - 1, 2 * np.pi * square[:, 1]

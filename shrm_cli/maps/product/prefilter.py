@@ -15,11 +15,11 @@ from shrm_cli.maps.info import MapInfo, provenance, record_of
 from shrm_cli.maps.irradiance.window import parse_window
 from shrm_cli.maps.product.product import ProductTexture, VaryingProduct
 from shrm_cli.maps.product.steps import ENOUGH, Steps, chosen_steps
-from shrm_cli.maps.product.window import even_views
+from shrm_cli.maps.product.window import light_densities, seen_views
 from shrm_cli.maps.request import Prefiltered, Request, wrong_light
 from shrm_cli.maps.size import MAX_VALUES
 from shrm_cli.orders import Orders
-from shrm_cli.probe.lighting import Lighting, project
+from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Stages, current, using
 from shrm_cli.sphere import parabolic
@@ -32,10 +32,8 @@ from shrm_cli.vocabulary import DEFAULT_ERROR, DEFAULT_PRODUCT_SIZE, MAX_PRODUCT
 
 _KNOWN_ORDER = 16
 """The degree to which the product functions of some views are known, for errors."""
-_LAST = 8
-"""Degrees of the light, the last ones, that tell how dense it is beyond them."""
 _VIEWS = 128
-"""Views that errors are estimated from, spread evenly over the hemisphere."""
+"""Views that errors are estimated from, spread as pixels of a sphere are."""
 _VIEWS_OF_STEPS = 32
 """Some of them, which the values of parameters that vary are chosen by."""
 _ACCURACY_OF_TWO = ENOUGH / 10
@@ -70,7 +68,7 @@ def varying_steps(
     """
     for ends in zip(*ranges.values(), strict=True):
         _with_values(brdf, ranges, ends)  # which names the end that is wrong, and no value between
-    views = even_views(_VIEWS, _LEAST_COSINE)[:: _VIEWS // _VIEWS_OF_STEPS]
+    views = seen_views(_VIEWS, _LEAST_COSINE)[:: _VIEWS // _VIEWS_OF_STEPS]
     accuracy = ACCURACY if len(ranges) == 1 else _ACCURACY_OF_TWO
 
     def coefficients(*point: float) -> Array:
@@ -126,7 +124,7 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
     what is seen, and not at all where no more is.
 
     The predicted error of the map is the relative RMS error of the reflected light of this probe,
-    over all orientations of the surface and all views above it, by Parseval; the added error is
+    over all mirror directions and views, by Parseval, as that of other maps is; the added error is
     that of the window.
     """
     brdf, own = request.brdf, request.own
@@ -135,17 +133,18 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
     stages = Stages(current(), 2)
     known = max(_KNOWN_ORDER, order)
     with using(stages.within):
-        lighting = project(probe, known)
+        light = Projection(probe)
+        densities = light_densities(light, known)
         stages.done(1, 2)
         texture, facts, power, energy = _texture(brdf, order, own["texels"], known)
     stages.done(2, 2)
     info = texture.info
     record = provenance(probe, brdf, Orders(order, 0, info.eps, info.captured))
-    series = lighting.coefficients[: (order + 1) ** 2]
+    series = light.to_order(order).coefficients[: (order + 1) ** 2]
     shape = texture.window(window, series)
     factors = np.zeros(len(power))
     factors[: order + 1] = shape.factors or 1.0
-    squares, beyond = _reflected(lighting, power, energy)
+    squares, beyond = _reflected(densities, power, energy)
     whole = float(squares.sum()) + beyond
     missed = float(squares[order + 1 :].sum()) + beyond
     changed = float(squares[: order + 1] @ (1 - factors[: order + 1]) ** 2)
@@ -175,7 +174,7 @@ def _texture(
     _check_size(order, texels, 1)
     functions = ProductFunctions.of(brdf, order)
     table = product_table(brdf, functions, order, texels)
-    views = even_views(_VIEWS, _LEAST_COSINE)
+    views = seen_views(_VIEWS, _LEAST_COSINE)
     exact, energy = functions.expanded(views, known)
     power = by_degree(exact**2, axis=1).mean(axis=0)
     energy = energy.mean(axis=0)
@@ -201,20 +200,18 @@ def _check_size(order: int, texels: int, count: int) -> None:
         )
 
 
-def _reflected(lighting: Lighting, power: Array, energy: Array) -> tuple[Array, float]:
+def _reflected(densities: tuple[Array, Array], power: Array, energy: Array) -> tuple[Array, float]:
     """Predict the mean square of the reflected light by degree, and that of the unknown degrees.
 
     Over all rotations of light against surface the mean square is ``sum_l |L_l|^2 |c_l|^2 /
-    (2l+1)``. The energy of the product functions beyond the known degrees meets light as dense as
-    that of the last of them.
+    (2l+1)``.
 
-    `power`, of shape (degrees, channels), is the mean of ``|c_l|^2`` over the views. `energy`, of
-    shape (channels,), is the same of all degrees together.
+    `densities` are the `light_densities`. `power`, of shape (degrees, channels), is the mean of
+    ``|c_l|^2`` over the views. `energy`, of shape (channels,), is the same of all degrees together.
     """
-    width = (2 * np.arange(len(power)) + 1)[:, None]
-    density = lighting.power()[: len(power)] / width
-    rest = np.maximum(energy - power.sum(axis=0), 0.0) * density[-_LAST:].mean(axis=0)
-    return (density * power).sum(axis=1), float(rest.sum())
+    known, beyond = densities
+    rest = np.maximum(energy - power.sum(axis=0), 0.0) * beyond
+    return (known * power).sum(axis=1), float(rest.sum())
 
 
 def report(result: dict[str, Any]) -> list[str]:

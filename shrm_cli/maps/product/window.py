@@ -110,31 +110,45 @@ def product_window(spec: str, product: "ProductMap", series: ArrayLike) -> Light
 def error_beyond_order(texture: "ProductTexture", light: "Projection") -> float:
     """Predict the relative RMS error that light of higher degrees than a texture's makes.
 
-    It is over all orientations of the surface and views above it, as `maps.product.prefilter` has
-    it, who knows the BRDF. Here the energy of the BRDF beyond the order is taken to be in the next
-    octave of degrees, which is right to a fifth for lobes of all widths.
+    It is in the measure of `maps.product.prefilter`, who knows the BRDF. Here all of its energy
+    beyond the order is taken to be in the next octave of degrees.
     """
     order, captured = texture.order, texture.info.captured
-    degrees = np.arange(2 * order + 3)[:, None]
-    density = light.to_order(2 * order + 2).power()[: len(degrees)] / (2 * degrees + 1)
-    squares = texture.values(even_views(_VIEWS, _LEAST_COSINE), linear=True) ** 2
+    density, beyond = light_densities(light, order)
+    squares = texture.values(seen_views(_VIEWS, _LEAST_COSINE), linear=True) ** 2
     known = by_degree(squares, axis=1).mean(axis=0)
-    beyond = known.sum(axis=0) * (1 - captured) / max(captured, np.finfo(float).tiny)
-    missed = float((beyond * density[order + 1 :].mean(axis=0)).sum())
-    return relative_rms(missed, float((known * density[: order + 1]).sum()) + missed)
+    left = known.sum(axis=0) * (1 - captured) / max(captured, np.finfo(float).tiny)
+    missed = float(np.sum(left * beyond))
+    return relative_rms(missed, float((known * density).sum()) + missed)
 
 
-def even_views(count: int, least: float) -> Array:
-    """Return views of a surface, evenly over those of at least some N.V, shape (count, 3)."""
+def light_densities(light: "Projection", order: int) -> tuple[Array, Array]:
+    """Return how dense light is, ``|L_l|^2 / (2l+1)``, up to an order and beyond it.
+
+    The first is by degree, shape (order+1, 3). The second, of shape (3,), is the mean of the octave
+    of degrees behind it, which is what the rest of the energy of lobes of all widths meets, to a
+    fifth.
+    """
+    known = light.to_order(2 * order + 2).power()[: 2 * order + 3]
+    density = known / (2 * np.arange(len(known)) + 1)[:, None]
+    return density[: order + 1], density[order + 1 :].mean(axis=0)
+
+
+def seen_views(count: int, least: float) -> Array:
+    """Return views of a surface with at least some N.V, as dense as pictures have them, (count, 3).
+
+    A surface is seen on as many pixels as it is turned towards the eye, so that the squares of N.V
+    are even. Errors over these views are in the measure of `reflected.predicted_error`.
+    """
     views = spiral_directions(2 * count)[count:]
-    z = least + (1 - least) * views[:, 2:]
+    z = np.sqrt(least**2 + (1 - least**2) * views[:, 2:])
     return np.concatenate([views[:, :2] * np.sqrt((1 - z**2) / (1 - views[:, 2:] ** 2)), z], axis=1)
 
 
 def _by_degree(texture: "ProductTexture", series: Array) -> Array:
     """Return what each degree of the light adds to the reflected light, shape (n, order+1, 3).
 
-    The samples are `even_views` of surfaces in all orientations, whose tangents point anywhere.
+    The samples are `seen_views` of surfaces in all orientations, whose tangents point anywhere.
     """
     normals = spiral_directions(_FRAMES)
     helper = np.where(np.abs(normals[:, 1:2]) < 0.9, [[0.0, 1.0, 0.0]], [[1.0, 0.0, 0.0]])
@@ -142,7 +156,7 @@ def _by_degree(texture: "ProductTexture", series: Array) -> Array:
     turn = (_GOLDEN * np.arange(_FRAMES) ** 2 % (2 * np.pi))[:, None]
     tangents = np.cos(turn) * across + np.sin(turn) * np.cross(normals, across)
     light = np.moveaxis(rotate_into_frames(series, surface_frames(normals, tangents)), -1, 0)
-    views = even_views(_VIEWS, _LEAST_COSINE)
+    views = seen_views(_VIEWS, _LEAST_COSINE)
     own = np.broadcast_to(texture.values(views), (_VIEWS, series.shape[0], 3))
     parts = [
         np.einsum("vkc,fkc->fvc", own[:, l * l : (l + 1) ** 2], light[:, l * l : (l + 1) ** 2])
@@ -172,13 +186,9 @@ def _weakened(seen: Array) -> Array | None:
 
 
 def _spots(seen: Array, factors: Array) -> float:
-    """Return the largest share of a channel that is negative with some factors.
-
-    A view is seen on as much of a picture as the surface is turned towards it.
-    """
-    shares = np.resize(even_views(_VIEWS, _LEAST_COSINE)[:, 2], len(seen))
+    """Return the largest share of a channel that is negative with some factors."""
     negative = np.einsum("nlc,l->nc", seen, factors) < 0
-    return float((shares @ negative).max() / shares.sum())
+    return float(negative.mean(axis=0).max())
 
 
 def _factors(seen: Array) -> Array:

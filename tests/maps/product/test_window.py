@@ -18,9 +18,11 @@ from tests.makers import prefilter_product as prefilter
 from tests.maps.product.test_product import ward
 from tests.maps.product.test_varying import varying
 
-ROWS, COUNT, ORDER = 32, 300, 8
+ROWS, COUNT, ORDER = 32, 8000, 8
+SUMMED = 300
+"""The points of them whose truth is summed."""
 ALLOWED = 0.01
-"""The share of what is seen that may be black; an average over `COUNT` points is off by half."""
+"""The share of what is seen that may be black; an average over `COUNT` points is off by a tenth."""
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 SURFACE = 0.5, 0.2
 
@@ -37,8 +39,7 @@ def sky(lamp):
 @pytest.fixture(scope="module")
 def points():
     rng = np.random.default_rng(3)
-    normals, views = brute_force.unit(rng, COUNT), brute_force.unit(rng, COUNT)
-    views *= np.sign(np.sum(views * normals, axis=1))[:, None]
+    normals, views = brute_force.pixels_of_spheres(rng, COUNT)
     tangents = np.cross(normals, brute_force.unit(rng, COUNT))
     tangents /= np.linalg.norm(tangents, axis=1)[:, None]
     return normals, tangents, views
@@ -62,19 +63,19 @@ def truth(pixels, points):
     return np.array(found)
 
 
-def black(shown, points):
-    """The largest share of a channel that is negative; surfaces are seen as far as they turn."""
-    normals, _, views = points
-    return np.average(shown < 0, axis=0, weights=np.sum(normals * views, axis=1)).max()
+def black(shown):
+    """The largest share of a channel that is negative."""
+    return np.mean(shown < 0, axis=0).max()
 
 
-def errors(found, expected, points):
+def errors(everywhere, expected):
     """The relative RMS error, the p95 of that of the luminance, and the share that is negative."""
+    found = everywhere[: len(expected)]
     seen, wanted = found @ LUMINANCE, expected @ LUMINANCE
     return (
         np.sqrt(np.sum((found - expected) ** 2) / np.sum(expected**2)),
         np.quantile(np.abs(seen - wanted) / wanted, 0.95),
-        black(found, points),
+        black(everywhere),
     )
 
 
@@ -83,17 +84,17 @@ def errors(found, expected, points):
 def test_it_blurs_no_more_than_leaves_few_black_spots(texture, points, lamp):
     pixels = sky(lamp)
     series = project(Probe.from_array(pixels, layout="latlong"), ORDER).coefficients
-    expected = truth(pixels, points)
+    expected = truth(pixels, [each[:SUMMED] for each in points])
     windows = {
         "none": make_window("none", series),
         "of the light": make_window("auto", series),
         "auto": product_window("auto", texture, series),
     }
     found = {
-        name: errors(texture.lit(each.apply(series)).brushed_radiance(*points), expected, points)
+        name: errors(texture.lit(each.apply(series)).brushed_radiance(*points), expected)
         for name, each in windows.items()
     }
-    assert found["auto"][2] <= 1.5 * ALLOWED
+    assert found["auto"][2] <= 1.2 * ALLOWED
     assert found["auto"][0] <= found["of the light"][0] + 1e-9
     if found["none"][2] <= 0.5 * ALLOWED:
         assert windows["auto"].factors == ()
@@ -118,8 +119,8 @@ def test_it_is_as_weak_as_leaves_few_black_spots(texture, points, lamp):
     for strength in (0.0, 0.5, 1.0):
         by_degree = 1 - strength * (1 - factors)
         by_index = np.repeat(by_degree, 2 * np.arange(ORDER + 1) + 1)[:, None]
-        shares.append(black(texture.lit(by_index * series).brushed_radiance(*points), points))
-    assert 0.2 * ALLOWED <= shares[2] <= 1.5 * ALLOWED
+        shares.append(black(texture.lit(by_index * series).brushed_radiance(*points)))
+    assert 0.8 * ALLOWED <= shares[2] <= 1.2 * ALLOWED
     assert shares[0] >= shares[1] > shares[2]
 
 
@@ -131,21 +132,20 @@ def test_a_lamp_of_one_color_leaves_few_spots_that_lack_it(texture, points):
     plain, shown = (
         texture.lit(light).brushed_radiance(*points) for light in (series, window.apply(series))
     )
-    assert black(plain @ LUMINANCE, points) < 0.5 * black(plain, points)
-    assert black(plain, points) > 2 * ALLOWED
-    assert black(shown, points) <= 1.5 * ALLOWED
+    assert black(plain @ LUMINANCE) < 0.5 * black(plain)
+    assert black(plain) > 2 * ALLOWED
+    assert black(shown) <= 1.2 * ALLOWED
     # What is told is why there is a window: red lacks in more than is black.
-    assert window.spots == pytest.approx(black(plain, points), rel=0.5)
+    assert window.spots == pytest.approx(black(plain), rel=0.1)
 
 
 def test_hair_around_the_vertical_has_few_spots():
     hair = product_texture(parse_spec("kajiya-kay:exponent=16"), 4, 32).map
     series = project(Probe.from_array(sky(6000), layout="latlong"), 4).coefficients
     rng = np.random.default_rng(8)
-    normals, views = brute_force.unit(rng, 4000), brute_force.unit(rng, 4000)
-    views *= np.sign(np.sum(views * normals, axis=1))[:, None]
+    points = brute_force.pixels_of_spheres(rng, 4000)
     plain, lit = (
-        black(hair.lit(each).radiance(normals, views), (normals, None, views))
+        black(hair.lit(each).radiance(*points))
         for each in (series, product_window("auto", hair, series).apply(series))
     )
     assert plain > 10 * ALLOWED
@@ -159,12 +159,12 @@ def test_what_it_costs_is_measured(texture, points):
         light = texture.lit(series).brushed_radiance(*points)
         windowed = texture.lit(window.apply(series)).brushed_radiance(*points)
         lost, whole = np.sum((windowed - light) ** 2), np.sum(light**2)
-        assert window.change == pytest.approx(np.sqrt(lost / whole), rel=0.15), spec
+        assert window.change == pytest.approx(np.sqrt(lost / whole), rel=0.1), spec
         before, after = light @ LUMINANCE, windowed @ LUMINANCE
         scale = np.maximum(np.maximum(before, after), 0.02 * before.mean())
         relative = np.abs(after - before) / scale
-        assert window.p95_change == pytest.approx(np.quantile(relative, 0.95), rel=0.3), spec
-        assert window.spots == pytest.approx(black(light, points), rel=0.5), spec
+        assert window.p95_change == pytest.approx(np.quantile(relative, 0.95), rel=0.1), spec
+        assert window.spots == pytest.approx(black(light), rel=0.1), spec
     assert product_window("none", texture, series).change == 0
 
 
