@@ -51,8 +51,9 @@ _HELD = 0, 32, 48, 64, 96, 128, 192
 boxes in GGX of roughness .3 discs change 7 % (RMS). With 64 degrees of that a map takes 1.1 MB,
 with all 2.1 MB, because those that its cubes do not hold ring around the boxes."""
 _FINER = 0.5
-"""The part of what discs change that is finer than all of these degrees, above which a map holds
-none of it. Of a filament it is .8, and of soft boxes in GGX of roughness .1 .25."""
+"""The part of what discs change that is finer than all of these degrees, or than the pixels, above
+which a map holds none of it. Of a filament it is .8, and of soft boxes in GGX of roughness .1 .25.
+"""
 SMALL, MUCH = float(np.radians(1.0)), 0.02
 """Lamps of a smaller radius that hold more of the light together are worth taking out. Of eight
 real probes, those of five are so (2 % to 59 % of the light), and the best maps of 32 MB of a
@@ -264,19 +265,21 @@ class _Reflected:
         """Return the last degree of what discs change that a map has to hold; None means all.
 
         It is 0 where a map holds nothing of it: because discs are good enough, or because what they
-        change is finer than all degrees that are tried.
+        change is finer than all degrees.
         """
-        enough = next((last for last in _HELD if self.suffices(last, goal)), None)
-        if enough is None and self.missed(_HELD[-1]) > _FINER * self.missed(0):
-            return 0
-        return enough
+        for last in _HELD:
+            if self.suffices(last, goal):
+                return last
+        finest = max(self.missed(_HELD[-1]), self.missed(None))
+        return None if finest <= _FINER * self.missed(0) else 0
 
     def missed(self, last: int | None) -> float:
         """Return the error of lamps beside a map that holds the degrees up to the last one."""
         if last is None:
-            return self.of_table
-        beyond = reflected_rms(self.change.beyond(last), self.transfer) / self.whole
-        return math.hypot(self.of_table, beyond)
+            beyond = self.change.beyond_all()
+        else:
+            beyond = reflected_rms(self.change.beyond(last), self.transfer)
+        return math.hypot(self.of_table, beyond / self.whole)
 
     def suffices(self, last: int, goal: Goal) -> bool:
         """Tell whether these lamps leave enough of what may be wrong to the map."""
@@ -316,12 +319,12 @@ def with_lamps(made: Prefiltered, beside: Beside) -> Prefiltered:
         line = "`sun` split changes nothing: the probe has no compact lamps"
         return replace(made, map=inner, warnings=(line, *made.warnings))
     bound = made.facts.get("error_bound")
-    facts = made.facts | ({} if bound is None else {"error_bound": bound * left})
-    held = ", with what the map holds of them" if beside.is_held else ""
+    facts = made.facts | ({} if bound is None else {"error_bound": bound * left + beside.error})
+    held = ", some of whose shape the map holds" if beside.is_held else ""
     note = (
         "lamps",
-        f"{counted(len(split.discs), 'disc')} beside the map, missing {beside.error:.2%} (RMS) "
-        f"of the reflected light{held}; the rest, in the map, is {percent(left)}% of it (RMS)",
+        f"{counted(len(split.discs), 'disc')} beside the map{held}; the rest of the light, in the "
+        f"map, is {percent(left)}% of what is reflected (RMS)",
     )
     further = {name: partial(_together, find, beside) for name, find in made.further.items()}
     lit = LampMap(inner, split.discs, left, beside.error, beside.brdf)

@@ -5,6 +5,7 @@ lobes its shape shows: the corners of a soft box, the bright middle of a bulb. M
 fitted to it take some bytes where a map of the difference takes megabytes.
 """
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
@@ -23,11 +24,16 @@ from shrm_cli.probe.lighting import Lighting, project
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.shared import SharedProbe, shared
 from shrm_cli.records import record
-from shrm_cli.reflected import blur_amplitudes, reflected_rms
+from shrm_cli.reflected import blur_amplitudes, energies_beyond, reflected_rms
+from shrm_cli.sphere.directions import horizontal_tangents, normalize
 from shrm_cli.sphere.grid.latlong import AXES
 from shrm_cli.sphere.harmonics import degrees, order_of
 from shrm_cli.sphere.rotation import transform_coefficients
+from shrm_cli.vocabulary import COARSE_ROWS
 
+_PARTS_ALONG, _MOST_PARTS = 8, 2**14
+"""The parts along the edges of pixels that discs may cut, and the most parts of a lamp. The middles
+of four pixels are on a disc of the same area, from which a third of their light differs."""
 _LEFT = 1 / 3
 """The part of what a lamp's first discs change that others may leave. Those that leave more follow
 the pixels and not the lamp: of a round sun of 84 pixels sixteen leave .38, and five of them were
@@ -73,8 +79,9 @@ class Change:
     ) -> None:
         self.split, self.whole, self.pixels = split, whole, pixels
         self._transfer, self._of_lamps = transfer, of_lamps
-        self.energy = sum(map(_changed_energy, split.lamps), np.zeros(3))
         self.known = np.sum(of_lamps, axis=0) - disc_coefficients(split.discs, transfer.order_f)
+        energy = sum(map(_changed_energy, split.lamps), np.zeros(3))
+        self._energy = np.maximum(energy, np.sum(self.known**2, axis=0))
 
     @classmethod
     def of(cls, split: LampSplit, transfer: TransferFunctions) -> Self:
@@ -114,7 +121,7 @@ class Change:
         return [
             (
                 [_Shape.of(lamp, pixels, self._transfer)],
-                fitted_discs(lamp.light, amplitudes, MOST_OF_LAMP),
+                fitted_discs(_fine_light(lamp), amplitudes, MOST_OF_LAMP),
             )
             for lamp, pixels in zip(self.split.lamps, self._of_lamps, strict=True)
         ]
@@ -135,9 +142,20 @@ class Change:
     def beyond(self, last: int) -> Lighting:
         """Return what a rest that holds its degrees up to the last one lacks."""
         left = self.known * (1 - _fading(order_of(len(self.known)), last))
-        # What is beyond these degrees shows in sharp lobes: discs and pixels differ most at rims.
-        unknown = np.maximum(self.energy - (self.known**2).sum(axis=0), 0.0)
+        unknown = self._energy - (self.known**2).sum(axis=0)
         return Lighting(left, unknown + (left**2).sum(axis=0))
+
+    def beyond_all(self) -> float:
+        """Return the RMS of what is reflected of what a rest lacks that holds all degrees.
+
+        These are those of the pixels. It is infinite where discs, whose degrees do not end there,
+        are known to finer ones: a rest that ends where its lamps go on rings around them.
+        """
+        order, last = self._transfer.order_f, self.whole.grid.resolved_order
+        if last < order:
+            return math.inf
+        above, _ = energies_beyond(Lighting(self.known, self._energy), self._transfer)
+        return math.sqrt(above * order / last)  # the energy of rims beyond a degree falls as 1 / l
 
     def rest(self, last: int | None) -> Probe:
         """Return the light without discs, and with the degrees of this up to the last one, or all.
@@ -155,7 +173,7 @@ class Change:
         series = whole.coefficients.copy()
         discs = disc_coefficients(self.split.discs, whole.resolved_order)
         series[: len(discs)] -= discs
-        energy = project(self.pixels, 0).energy + self.energy
+        energy = project(self.pixels, 0).energy + self._energy
         return Lighting(series, np.maximum(energy, (series**2).sum(axis=0)))
 
     def _with_degrees(self, last: int, order: int) -> Lighting:
@@ -177,9 +195,32 @@ def of_pixels(lamps: Sequence[Lamp], order: int) -> list[Array]:
     """
     if not lamps:
         return []
-    own = [disc_coefficients(_pixels_as_discs(lamp.light), order) for lamp in lamps]
+    own = [disc_coefficients(_pixels_as_discs(_fine_light(lamp)), order) for lamp in lamps]
     # To turn all lamps together takes hardly more time than to turn one.
     return np.split(transform_coefficients(np.concatenate(own, axis=1), AXES.T), len(own), axis=1)
+
+
+def _fine_light(lamp: Lamp) -> Light:
+    """Return a lamp's light in pixels, or parts of them, as small as those of `fine_probe`.
+
+    Four large pixels as discs are a clover leaf, which sixteen discs follow in place of the lamp.
+    """
+    return _in_parts(lamp, math.ceil(0.99 * lamp.pitch * COARSE_ROWS / np.pi))
+
+
+def _in_parts(lamp: Lamp, along: int) -> Light:
+    """Return a lamp's light with so many parts along the edges of pixels, or as many as may be."""
+    light = lamp.light
+    along = min(along, int(np.sqrt(_MOST_PARTS / len(light.areas))))
+    if along < 2:
+        return light
+    places = ((np.arange(along) + 0.5) / along - 0.5)[:, None, None]
+    across = horizontal_tangents(light.directions)
+    columns = places * across * (light.areas / lamp.pitch)[:, None]
+    rows = places[:, None] * np.cross(light.directions, across) * lamp.pitch
+    parts = normalize(light.directions + columns + rows).reshape(-1, 3)
+    each = along**2
+    return Light(parts, np.tile(light.radiance, (each, 1)), np.tile(light.areas / each, each))
 
 
 def _pixels_as_discs(light: Light) -> list[Disc]:
@@ -201,10 +242,10 @@ def _fading(order: int, last: int) -> Array:
 def _changed_energy(lamp: Lamp) -> Array:
     """Return the energy of a lamp's pixels without its discs at all degrees, shape (3,).
 
-    Each pixel is as its middle is; what discs have outside of all pixels counts, too.
+    What discs have outside of all pixels counts, too.
     """
-    light, rest = lamp.light, lamp.light.radiance.copy()
-    outside = np.zeros(3)
+    light = _in_parts(lamp, _PARTS_ALONG)
+    rest, outside = light.radiance.copy(), np.zeros(3)
     for disc in lamp.discs:
         inside = light.directions @ disc.direction >= np.cos(disc.radius)
         rest[inside] -= disc.radiance

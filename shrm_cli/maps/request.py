@@ -307,6 +307,8 @@ def error_lines(result: dict[str, Any], added_by: str) -> list[str]:
         lines.append(
             f"and            {result['filter_error']:.2%} from bilinear look-ups, as on a GPU"
         )
+    if result.get("lamp_error"):
+        lines.append(f"and            {result['lamp_error']:.2%} from discs in the lamps' place")
     share = result["predicted_wrong_share"]
     if share is not None:
         lines.append(f"pixels         {share:.1%} predicted to be wrong by more than 5%")

@@ -65,7 +65,8 @@ def bright_rows(rows=256):
 def soft_box(rows=128):
     """A box of light of 14 x 8 degrees."""
     pixels = np.full((rows, 2 * rows, 3), 0.1, np.float32)
-    pixels[44:50, 90:100] = 300
+    pixel = rows // 128
+    pixels[44 * pixel : 50 * pixel, 90 * pixel : 100 * pixel] = 300
     return pixels
 
 
@@ -77,13 +78,16 @@ def split_of(pixels, roughness, most):
 
 
 def test_what_discs_change_is_known_to_all_degrees(monkeypatch):
-    """A sixth of it lies beyond those that are known, where lobes are as sharp as lamps."""
+    """A sixth of it lies beyond those that are known, where lobes are as sharp as lamps.
+
+    It is no less dense there than before, as far as is known, and never more.
+    """
     errors = []
     for order in (96, 255):
         monkeypatch.setattr(beside, "_ORDERS", (order, 4))
         errors.append(split_of(bright_rows(), 0.15, 1.0).error)
     assert errors[1] > 0.05
-    assert errors[0] == pytest.approx(errors[1], rel=0.08)
+    assert errors[1] <= errors[0] <= 1.1 * errors[1]
 
 
 def test_what_lamps_change_is_known_to_a_part_in_a_thousand(monkeypatch):
@@ -102,8 +106,8 @@ def test_what_is_wrong_with_discs_is_known_in_world_axes(pixels):
 
 
 def difference(split, order):
-    """What a probe's lamps are and their discs are not."""
-    lights = [lamp.light for lamp in split.lamps]
+    """What a probe's lamps are and their discs are not, of which coarse pixels are in parts."""
+    lights = map(shape._fine_light, split.lamps)
     each = [zip(light.directions, light.areas, light.radiance, strict=True) for light in lights]
     discs = [Disc(at, radius_of(area), radiance) for some in each for at, area, radiance in some]
     return disc_coefficients(discs, order) - disc_coefficients(split.discs, order)
@@ -135,11 +139,20 @@ def test_a_map_holds_what_discs_lack_of_a_soft_box(most, of_lamp, count, is_held
 def test_a_map_holds_all_of_it_where_no_part_suffices(roughness, monkeypatch):
     """Of the sharper lobe a third is finer than all parts that are tried."""
     monkeypatch.setattr(shape, "MOST_OF_LAMP", 0)
-    found = split_of(soft_box(), roughness, 0.01)
+    found = split_of(soft_box(256), roughness, 0.01)
     rest, whole = (project(each, 60).coefficients for each in (found.rest, found.split.probe))
     discs = disc_coefficients(found.split.discs, 60)
     np.testing.assert_allclose(rest + discs, whole, rtol=0, atol=1e-9)
-    assert (found.is_held, found.error) == (True, 0)
+    assert found.is_held
+    assert 0 < found.error < 0.05
+
+
+def test_no_map_holds_what_is_finer_than_pixels(monkeypatch):
+    """Of large pixels it was said to hold all, and rings were all over sharp lobes."""
+    monkeypatch.setattr(shape, "MOST_OF_LAMP", 0)
+    found = split_of(soft_box(), 0.1, 0.01)
+    assert not found.is_held
+    assert found.rest.digest() == found.split.residual_probe.digest()
 
 
 def ceiling(rows=128):
