@@ -29,6 +29,15 @@ class Blinn(Brdf):
         return colored(np.where(light[..., 2] > 0, (power + 2) / (8 * np.pi) * shape, 0))
 
 
+class Tinted(Blinn):
+    """The same in part."""
+
+    parameters = (ROUGHNESS, Parameter("part", 1.0, 0.0, 1.0, "of the light"))
+
+    def evaluate(self, light, view):
+        return super().evaluate(light, view) * self.number("part")
+
+
 class InFloats(Blinn):
     """The same in single precision, whatever it gets."""
 

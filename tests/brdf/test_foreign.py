@@ -1,5 +1,6 @@
 """Classes of users are checked before work begins, named by a file or passed to a function."""
 
+import json
 import warnings
 
 import numpy as np
@@ -172,3 +173,64 @@ def test_a_class_that_cannot_be_made_of_a_roughness_is_one_line(tmp_path):
 
 def test_a_class_that_ends_the_program_is_refused_whenever_it_does():
     assert_refused(run("brdf", f"{FILE}:ExitsLater"), 1, "evaluate() fails: SystemExit: too many")
+
+
+@pytest.fixture
+def split_sum(tmp_path, monkeypatch):
+    """The probe, the split sum of a class, and the same in a file, in the current folder."""
+    monkeypatch.chdir(tmp_path)
+    run("probe", "studio", "--size", 16, "-o", "p.exr")
+    made = shrm.prefilter("p.exr", classes.Tinted(part=0.25), to="splitsum", levels=[0.5, 1.0])
+    made.save("m.exr", "float")
+    return made
+
+
+def test_a_split_sum_of_a_class_is_compared_by_the_class(split_sum):
+    views = [(0.0, 0.0), (120.0, 20.0), (240.0, -20.0)]  # those of the command
+    at = {"probe": "p.exr", "roughness": 0.75, "size": 32, "views": views}
+    brdf = classes.Tinted(part=0.25, roughness=0.75)
+    found = shrm.compare([shrm.open_map("m.exr")], brdf=brdf, **at)
+    expected = shrm.compare([split_sum], brdf=brdf, **at)
+    for one, other in zip(found.numbers()["summary"], expected.numbers()["summary"], strict=True):
+        assert one["relative_rmse"] == pytest.approx(other["relative_rmse"], rel=1e-4)
+    assert found.warnings == expected.warnings
+    spec = f"{FILE}:Tinted:part=0.25,roughness=0.75"
+    result = run("compare", "m.exr", "--probe", "p.exr", "--roughness", 0.75, "--size", 32,
+                 "--brdf", spec, "--no-picture", "--no-flip", "--json")  # fmt: skip
+    assert result.code == 0
+    row = json.loads(result.out)["summary"][0]
+    assert row["relative_rmse"] == pytest.approx(
+        found.numbers()["summary"][0]["relative_rmse"], rel=1e-6
+    )
+
+
+def test_a_class_shows_a_split_sum_with_the_values_that_it_records(split_sum):
+    back = shrm.open_map("m.exr").with_class(classes.Tinted(part=1.0))
+    up = np.array(UP)
+    found, expected = (each.shaded(0.75, (1, 1, 1)).radiance(up, up) for each in (back, split_sum))
+    np.testing.assert_allclose(found, expected, rtol=1e-6)
+
+
+def test_a_page_shows_a_split_sum_of_a_class(split_sum):
+    spec = f"{FILE}:Tinted:part=0.25,roughness=0.75"
+    result = run("view", "m.exr", "--probe", "p.exr", "--roughness", 0.75, "--brdf", spec,
+                 "--truth-size", 16, "-o", "v.html")  # fmt: skip
+    assert result.code == 0
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("render", "m.exr", "-o", "r.png"),
+        ("view", "m.exr", "-o", "v.html"),
+        ("compare", "m.exr", "--probe", "p.exr", "--no-picture"),
+        ("compare", "m.exr", "--probe", "p.exr", "--no-picture", "--brdf", f"{FILE}:Blinn"),
+    ],
+)
+def test_a_split_sum_of_an_unknown_class_tells_what_takes_it(split_sum, command):
+    words = (
+        "m.exr: a split sum of tinted:part=0.25,roughness=1, which cannot be evaluated (no BRDF is "
+        "called 'tinted'); if it is a class in a file of yours, compare and view take that as "
+        "--brdf, with --probe"
+    )
+    assert_refused(run(*command), 1, words)
