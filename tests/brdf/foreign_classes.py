@@ -38,13 +38,6 @@ class Tinted(Blinn):
         return super().evaluate(light, view) * self.number("part")
 
 
-class InFloats(Blinn):
-    """The same in single precision, whatever it gets."""
-
-    def evaluate(self, light, view):
-        return super().evaluate(light.astype(np.float32), view.astype(np.float32))
-
-
 class Brushed(Brdf):
     """A lobe that is wider along x, and does not say so."""
 
@@ -71,27 +64,28 @@ class Lit(Brdf):
         return np.where(light[..., 2:] > 0, 0.3 * (1 + light[..., :1]), 0) * np.ones_like(view)
 
 
-class Swirled(Brdf):
-    """It looks the same from all around, and not in a mirror."""
-
-    center = "normal"
-
-    def evaluate(self, light, view):
-        side = light[..., 0] * view[..., 1] - light[..., 1] * view[..., 0]
-        return colored(np.where(light[..., 2] > 0, 0.3 + 0.1 * side, 0))
-
-
 class Cosine(Brdf):
     """Phong's lobe of the mirror direction, which has no horizon."""
 
     includes_cosine = True
     has_horizon = False
     zonal = True
+    power = 20.0
 
     def evaluate(self, light, view):
         mirrored = light[..., 2] * view[..., 2]
         mirrored = mirrored - light[..., 0] * view[..., 0] - light[..., 1] * view[..., 1]
-        return colored(np.maximum(mirrored, 0) ** 20)
+        return colored(np.maximum(mirrored, 0) ** self.power)
+
+
+class InFloats(Cosine):
+    """The same in single precision, which is not much for a lobe so sharp, whatever it gets."""
+
+    power = 1e5
+
+    def evaluate(self, light, view):
+        found = super().evaluate(light.astype(np.float32), view.astype(np.float32))
+        return found.astype(light.dtype)
 
 
 class CutCosine(Cosine):

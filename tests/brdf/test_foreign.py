@@ -25,7 +25,6 @@ INFINITE = "its value is not finite everywhere"
 REFUSED = {
     "Brushed": ANISOTROPIC,
     "Lit": ANISOTROPIC,
-    "Swirled": ANISOTROPIC,
     "CutCosine": ZONAL,
     "ZonalMinnaert": ZONAL,
     "ZonalBlinn": ZONAL,
