@@ -17,7 +17,13 @@ from shrm_cli.records import record
 from shrm_cli.reference import Reference
 from shrm_cli.render.camera import Viewer
 from shrm_cli.render.comparison import Comparison, compare_spheres, mean_flip
-from shrm_cli.render.lit import in_same_primaries, lit_maps, refuse_surface, shaded_maps
+from shrm_cli.render.lit import (
+    in_same_primaries,
+    lit_maps,
+    refuse_surface,
+    shaded_maps,
+    with_classes,
+)
 from shrm_cli.render.seen import FlipError
 from shrm_cli.vocabulary import MAX_PICTURE_SIZE
 
@@ -99,7 +105,8 @@ def compare(
     probe : Probe, path-like or array, optional
         The light of the truth, and of product textures that hold none.
     brdf : Brdf, str or path-like, optional
-        That of the truth; by default the one that all maps were made for.
+        That of the truth; by default the one that all maps were made for. Split sums of a class of
+        yours are shown by it, with the values that they record.
     names : sequence of str, optional
         What messages call the maps; by default their files, or their representations.
     views : sequence of 2 float
@@ -146,6 +153,9 @@ def compare(
         names = [each.what if isinstance(each, Map) else os.fspath(each) for each in maps]
     check_names(names, maps)
     opened = [each if isinstance(each, Map) else open_map(each) for each in maps]
+    if brdf is not None:
+        brdf = as_brdf(brdf, None if source is None else source.chromaticities)
+    opened = with_classes(opened, brdf)
     opened, warnings = lit_maps(opened, names, source, window)
     refuse_surface(opened, roughness=roughness, f0=f0, anisotropy=anisotropy, taps=taps)
     loaded, surface, outside = shaded_maps(opened, names, roughness, f0, anisotropy, taps)
@@ -160,7 +170,6 @@ def compare(
         if brdf is None:
             surfaced = ", or another `roughness` and `f0`" if surface else ""
             brdf = common_brdf(infos, f"give `brdf`{surfaced}")
-        brdf = as_brdf(brdf, source.chromaticities)
         label, digest, made_for = source.name, source.digest(), record_of(brdf)
         truth = Reference(source, brdf, source_height, progress=stages.within, exact=exact)
     if begin is not None:

@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.arrays import Array
 from shrm_cli.errors import BrdfError
+from shrm_cli.messages import explained
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import as_vectors
 from shrm_cli.vocabulary import Center
@@ -294,7 +295,7 @@ class Brdf(ABC):
 
     def with_values(self, **values: Value) -> Self:
         """The same model with some of its parameters changed."""
-        return type(self)(**{**self.values, **values})
+        return self._remade(values)
 
     def at_roughness(self, perceptual: float) -> Self:
         """The same material of another roughness.
@@ -323,7 +324,19 @@ class Brdf(ABC):
             name: min(max(roughness, limits[name][0]), limits[name][1])
             for name in self.roughness_names
         }
-        return type(self)(**{**self.values, **found})
+        return self._remade(found)
+
+    def _remade(self, changed: Mapping[str, Value]) -> Self:
+        """The same model with some values changed, of which a class of the user's may fail."""
+        try:
+            return type(self)(**{**self.values, **changed})
+        except BrdfError:
+            raise
+        except (Exception, SystemExit) as error:
+            values = ",".join(f"{key}={value_text(value)}" for key, value in changed.items())
+            raise BrdfError(
+                f"{type(self).__name__} cannot be made with {values}: {explained(error)}"
+            ) from error
 
     @property
     def is_measured(self) -> bool:
@@ -357,7 +370,10 @@ def _of_vectors(evaluate: Callable[[Any, Array, Array], Array]) -> Callable[...,
 
     @wraps(evaluate)
     def checked(self: Brdf, light: ArrayLike, view: ArrayLike) -> Array:
-        return evaluate(self, *as_vectors(light=light, view=view))
+        try:
+            return evaluate(self, *as_vectors(light=light, view=view))
+        except SystemExit as error:  # it would end the process as if all were well
+            raise BrdfError(f"{self.name}: evaluate() fails: {explained(error)}") from error
 
     return checked
 

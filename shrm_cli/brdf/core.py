@@ -5,6 +5,7 @@ import numpy as np
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.sums import joined, weighted_terms
+from shrm_cli.errors import BrdfError
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import from_angles, tilted_frame, turned
 
@@ -96,7 +97,11 @@ def _core(brdf: Brdf, theta: float) -> tuple[float, float]:
         light = tilted_frame(from_angles(_ANGLES[:, None], phi), np.asarray(tilt))
         view = from_angles(np.asarray(theta - tilt), np.asarray(0.0))
         values = brdf.transfer(turned(light, brush), turned(view, brush)).sum(axis=-1)
+        if not np.isfinite(values).all():
+            raise BrdfError(f"{brdf!r}: its value is not finite everywhere")
         if values.any():
+            if values.max() <= 0:
+                raise BrdfError(f"{brdf!r}: its value is negative wherever it is not 0")
             rays = values.T[values.max(axis=0) > _PEAK * values.max()]
             widths, reaches = zip(*map(_peak, rays), strict=True)
             width, reach = min(width, *widths), max(reach, *reaches)

@@ -6,6 +6,7 @@ from shrm_cli.arrays import Array, relative_rms
 from shrm_cli.brdf.albedo import ACCURACY, directional_albedo
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.spec import AnyBrdf, as_brdf
+from shrm_cli.errors import BrdfError
 from shrm_cli.messages import whole_number
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import from_angles, normalize, reflect
@@ -55,6 +56,11 @@ def examine(brdf: AnyBrdf, seed: int = 0) -> Examination:
     seed : int
         Of the random pairs of directions; the same seed gives the same result.
 
+    Raises
+    ------
+    BrdfError
+        If the BRDF cannot be read, or its value is not finite everywhere.
+
     Examples
     --------
     >>> shrm.examine("lambertian").gains_energy
@@ -65,10 +71,14 @@ def examine(brdf: AnyBrdf, seed: int = 0) -> Examination:
     there, back = _values(brdf, light, view), _values(brdf, view, light)
     mirrored = _values(brdf, reflect(view, np.array([0.0, 0.0, 1.0])), view)
     everything = np.concatenate([there, back, mirrored])
+    if not np.isfinite(everything).all():
+        raise BrdfError(f"{brdf!r}: its value is not finite everywhere")
     size = np.mean(there**2 + back**2) / 2
     error = relative_rms(np.mean((there - back) ** 2), size)
     angles = ANGLES + _GRAZING
     albedos = np.stack([directional_albedo(brdf, np.radians(angle)) for angle in angles])
+    if not np.isfinite(albedos).all():
+        raise BrdfError(f"{brdf!r}: its value is not finite everywhere")
     most = int(np.argmax(albedos.max(axis=1)))
     return Examination(
         everything.min(axis=0), everything.max(axis=0), albedos[: len(ANGLES)],

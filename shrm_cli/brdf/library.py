@@ -15,7 +15,7 @@ from __future__ import annotations
 import importlib
 import pkgutil
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -25,7 +25,6 @@ from shrm_cli.brdf.base import COMMA, Brdf, Parameter, Value, check_number, cut,
 from shrm_cli.brdf.sums import is_sum, parse_sum
 from shrm_cli.color import Primaries, from_rec709
 from shrm_cli.errors import BrdfError, PluginError
-from shrm_cli.messages import explained
 from shrm_cli.vocabulary import CENTERS
 
 if TYPE_CHECKING:
@@ -35,10 +34,6 @@ PACKAGE = "shrm_cli.brdf."
 """What the names of the modules of all BRDFs of `shrm` itself begin with."""
 MODELS = "shrm_cli.brdf.models"
 LAYERED = "shrm_cli.brdf.layered"
-# They lie along the normal, slanting, grazing, opposite each other, and below the surface.
-_DIRECTIONS = np.array(
-    [[0, 0, 1], [0.6, 0, 0.8], [-0.6, 0, 0.8], [0, 0.96, 0.28], [1, 0, 0], [0.6, 0, -0.8]]
-)
 
 
 def module_names(package: str) -> list[str]:
@@ -79,17 +74,23 @@ def is_built_in(model: type[Brdf]) -> bool:
     return model.__module__.startswith(PACKAGE)
 
 
-def foreign_modules(brdf: Brdf) -> set[str]:
-    """Return the names of modules, none of this package, of a BRDF and of those it is made of."""
-    own = {type(brdf).__module__}
-    found, pending = {each for each in own if not each.startswith(PACKAGE)}, [*vars(brdf).values()]
+def foreign_parts(brdf: Brdf) -> list[Brdf]:
+    """Return what is not of this package of a BRDF: itself, and those that it is made of."""
+    found: list[Brdf] = []
+    pending: list[object] = [brdf]
     while pending:
         part = pending.pop()
         if isinstance(part, tuple | list):
             pending += part
         elif isinstance(part, Brdf):
-            found |= foreign_modules(part)
+            found += [] if is_built_in(type(part)) else [part]
+            pending += vars(part).values()
     return found
+
+
+def foreign_modules(brdf: Brdf) -> set[str]:
+    """Return the names of modules, none of this package, of a BRDF and of those it is made of."""
+    return {type(part).__module__ for part in foreign_parts(brdf)}
 
 
 def built_in_names() -> list[str]:
@@ -173,38 +174,14 @@ def checked_model(found: object, where: str) -> type[Brdf]:
     return found
 
 
-def make_checked(model: type[Brdf], values: Mapping[str, Value], where: str) -> Brdf:
-    """An instance of a foreign model, evaluated once at a few directions."""
-    try:
-        brdf = model(**values)
-    except BrdfError:
-        raise
-    except Exception as error:
-        raise BrdfError(f"{where} cannot be made: {explained(error)}") from error
-    if not isinstance(getattr(brdf, "values", None), dict):
-        raise BrdfError(f"{where} has an __init__ that lacks super().__init__(**values)")
-    for dtype in (np.float64, np.float32):
-        directions = _DIRECTIONS.astype(dtype)
-        _try(brdf, directions[:, None], directions, where)
-        _try(brdf, directions, directions[1], where)
-    return brdf
+def check_given(brdf: Brdf) -> None:
+    """Check what is not of `shrm` of a BRDF that was passed to a function, once."""
+    for part in foreign_parts(brdf):
+        from shrm_cli.brdf.foreign import check_instance  # most BRDFs are of `shrm`
 
-
-def _try(brdf: Brdf, light: np.ndarray, view: np.ndarray, where: str) -> None:
-    try:
-        with np.errstate(all="ignore"):  # what is not finite is found where it matters
-            value: object = brdf.evaluate(light, view)
-    except Exception as error:
-        raise BrdfError(f"{where} cannot be evaluated: {explained(error)}") from error
-    expected = np.broadcast_shapes(light.shape, view.shape)
-    if not isinstance(value, np.ndarray) or value.dtype.kind != "f":
-        kind = f"{value.dtype} numbers" if isinstance(value, np.ndarray) else f"{value!r:.40}"
-        raise BrdfError(f"{where}: evaluate() returns {kind}, not an array of floats")
-    if value.shape != expected:
-        raise BrdfError(
-            f"{where}: evaluate() returns the shape {value.shape} for light {light.shape} and "
-            f"view {view.shape}; it must be {expected}"
-        )
+        where = type(part).__name__
+        check_instance(part, where)
+        checked_model(type(part), where)
 
 
 def parse_recorded(
@@ -241,7 +218,11 @@ def of_model(spec: str, primaries: Primaries | None, parse: Callable[[str], Brdf
     for each in model.parameters:
         if each.is_brdf and each.name in values:
             values[each.name] = parse(inside(each.name, values[each.name]))
-    return model(**values) if is_built_in(model) else make_checked(model, values, name)
+    if is_built_in(model):
+        return model(**values)
+    from shrm_cli.brdf.foreign import make_checked
+
+    return make_checked(model, values, name)
 
 
 def given_values(spec: str, text: str) -> dict[str, Value]:

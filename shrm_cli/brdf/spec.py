@@ -83,6 +83,7 @@ def parse_spec(
         return library.of_model(spec, primaries, parse)
     if not run_code:
         raise BrdfError(f"{spec!r}: names code, which is run only where you name it yourself")
+    from shrm_cli.brdf.foreign import make_checked
     from shrm_cli.brdf.python_file import load_model
 
     model = load_model(term)
@@ -92,12 +93,16 @@ def parse_spec(
             "give it another name"
         )
     values = {} if term.values is None else library.given_values(spec, term.values)
-    return library.make_checked(model, values, f"{term.path}: {term.name}")
+    return make_checked(model, values, f"{term.path}: {term.name}")
 
 
 def as_brdf(brdf: AnyBrdf, primaries: Primaries | None = None) -> Brdf:
-    """A BRDF from itself, or from its specification or its file, as `parse_spec` takes them."""
+    """A BRDF from itself, or from its specification or its file, as `parse_spec` takes them.
+
+    What is not of `shrm` is checked as that of a specification is.
+    """
     if isinstance(brdf, Brdf):
+        library.check_given(brdf)
         return brdf
     if not isinstance(brdf, str | os.PathLike):
         raise ArgumentError("brdf", f"{brdf!r:.80} is neither a BRDF nor the specification of one")

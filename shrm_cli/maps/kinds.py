@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
-from shrm_cli.brdf.base import Color
+from shrm_cli.brdf.base import Brdf, Color
 from shrm_cli.errors import ArgumentError, MapError
 from shrm_cli.maps.base import Map, ReflectedLight
 from shrm_cli.maps.info import MapInfo
@@ -140,6 +140,15 @@ class LightMap(FixedMap):
     @abstractmethod
     def surface(self, roughness: float, f0: Color, anisotropy: float, taps: int | None) -> "Shaded":
         """Return a GGX surface under the light, on which it can be shown; see `shaded`."""
+
+    def with_class(self, brdf: Brdf | None) -> Self:
+        """Return the map as it is shown where a class of the user's is at hand.
+
+        Files record the names of such classes, and the values of their parameters, alone.
+
+        Raises MapError, if the map is of a BRDF that cannot be evaluated.
+        """
+        return self
 
     def check_brush(self, anisotropy: float) -> None:
         """Raise a `MapError`, if the light cannot be shown on a brushed surface."""

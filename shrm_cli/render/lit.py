@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
-from shrm_cli.brdf.base import Color
+from shrm_cli.brdf.base import Brdf, Color
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.color import conversion, same_primaries, title_of
@@ -100,6 +100,11 @@ def refuse_surface(maps: Sequence[Map], **given: object) -> None:
                 raise ArgumentError(
                     name, "applies to split sums and SH exponentials; no map is one"
                 )
+
+
+def with_classes(maps: Sequence[Map], brdf: Brdf | None) -> list[Map]:
+    """Return maps of which those of light alone know the BRDF that is at hand; see `LightMap`."""
+    return [each.with_class(brdf) if isinstance(each, LightMap) else each for each in maps]
 
 
 def shaded_maps(

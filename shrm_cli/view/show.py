@@ -18,7 +18,7 @@ from shrm_cli.probe.open import AnyProbe, as_probe
 from shrm_cli.progress import Progress
 from shrm_cli.records import record
 from shrm_cli.render.boxed import outside
-from shrm_cli.render.lit import lit_maps, surface_of
+from shrm_cli.render.lit import lit_maps, surface_of, with_classes
 from shrm_cli.view.page import page
 from shrm_cli.view.scene import TRUTH_SIZE, Scene, Start, Truth, make_scene
 from shrm_cli.vocabulary import MAX_PICTURE_SIZE, MAX_SOURCE_HEIGHT
@@ -68,7 +68,8 @@ def view(
     probe : Probe, path-like or array, optional
         It is shown behind the shape, and is the light of the truth.
     brdf : Brdf, str or path-like, optional
-        That of the truth; by default the one that all maps were made for.
+        That of the truth; by default the one that all maps were made for. Split sums of a class of
+        yours are shown by it, with the values that they record.
     names : sequence of str, optional
         What the page calls the maps; by default their files, or their representations.
     mesh : path-like, optional
@@ -120,6 +121,9 @@ def view(
     check_names(names, maps)
     light = None if probe is None else as_probe(probe)
     opened = [each if isinstance(each, Map) else open_map(each) for each in maps]
+    if brdf is not None:
+        brdf = as_brdf(brdf, None if light is None else light.chromaticities)
+    opened = with_classes(opened, brdf)
     opened, notes = lit_maps(opened, names, light, None)
     if light is not None:
         infos = {name: each.info for name, each in zip(names, opened, strict=True)}
@@ -132,8 +136,6 @@ def view(
     told: list[str] = []
     if roughness is None and f0 is None and anisotropy is None:
         start, told = _as_beside(start, opened, names)
-    if brdf is not None:
-        brdf = as_brdf(brdf, None if light is None else light.chromaticities)
     truth = Truth(brdf, truth_size, source_height, exact)
     shape = None if mesh is None else load_mesh(mesh)
     scene = make_scene(

@@ -99,10 +99,11 @@ class MaterialLobe(NormalLobe):
         self.values: dict[str, Value] = dict(material.values)
         self._factor = 1.0
         whole = self._whole()
-        if not (np.isfinite(whole) and whole > 0):
-            raise BrdfError(
-                f"{material!r}: along the normal it reflects nothing, or what is not finite"
-            )
+        if not np.isfinite(whole):
+            raise BrdfError(f"{material!r}: its value is not finite everywhere")
+        if whole <= 0:
+            less = "less than " if whole < 0 else ""
+            raise BrdfError(f"{material!r}: along the normal it reflects {less}nothing")
         core = Core.of(self)
         self.width = min(float(core.widths[0] / _HALF), 1.0)
         peak = self.radial(np.linspace(0, 0.5, _NODES)).max()

@@ -11,6 +11,7 @@ from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.cache import remembered
 from shrm_cli.brdf.environment.lobe import MaterialLobe
 from shrm_cli.brdf.vectors import GRAZING
+from shrm_cli.errors import BrdfError
 from shrm_cli.sphere.quadrature import gauss_legendre
 
 _TABLE = 129  # nodes in N.V
@@ -120,6 +121,8 @@ def material_albedo(brdf: Brdf, cosines: ArrayLike) -> Array:
         found[open_views] = finer
         is_open = (change > _ENOUGH * np.maximum(np.abs(finer), 1)).any(axis=1)
         open_views = open_views[is_open]
+    if not np.isfinite(found).all():
+        raise BrdfError(f"{brdf!r}: its value is not finite everywhere")
     return found
 
 

@@ -65,7 +65,7 @@ def decode(file: StoredFile) -> SplitSum:
     if len(samplings) > 1:
         raise MapError(f"{path}: its parts are sampled differently; {_AGAIN}")
     _check_sizes(parts)
-    return SplitSum.of_levels(
+    made = SplitSum.of_levels(
         [part.read(stored.COLORS) for part in parts],
         roughness,
         _mapping(parts, roughness[0]),
@@ -73,6 +73,7 @@ def decode(file: StoredFile) -> SplitSum:
         [stored.map_info(each, part) for each, part in zip(attributes, parts, strict=True)],
         attributes[-1]["center"],
     )
+    return replace(made, path=str(path))
 
 
 def _roughness(part: StoredPart) -> float:

@@ -18,7 +18,7 @@ from shrm_cli.brdf.base import Brdf, Color
 from shrm_cli.brdf.environment.environment_brdf import DirectionalAlbedo
 from shrm_cli.brdf.environment.lobe import GgxLobe
 from shrm_cli.brdf.environment.material_albedo import MaterialAlbedo
-from shrm_cli.brdf.library import parse_recorded
+from shrm_cli.brdf.library import is_built_in, parse_recorded
 from shrm_cli.brdf.models.ggx import Ggx
 from shrm_cli.errors import BrdfError, MapError
 from shrm_cli.maps.base import REMEDY
@@ -65,6 +65,8 @@ class SplitSum(LightMap):
     given: Brdf | None = None
     """The BRDF of another lobe than GGX's, where the map was made in this process. Files hold the
     record of it, which tells nothing of a class of the user's."""
+    path: str = ""
+    """The file that it was read from, for messages."""
 
     representation = "splitsum"
     against_negatives = REMEDY
@@ -164,9 +166,22 @@ class SplitSum(LightMap):
         try:
             return parse_recorded(spec_of(info.brdf), primaries=info.chromaticities)
         except BrdfError as error:
+            what = f"{self.path}: a split sum" if self.path else self.what
             raise MapError(
-                f"{self.what} of {spec_of(info.brdf)}, which cannot be evaluated ({error})"
+                f"{what} of {spec_of(info.brdf)}, which cannot be evaluated "
+                f"({str(error).partition(';')[0]}); if it is a class in a file of yours, compare "
+                "and view take that as `brdf`, with `probe`"
             ) from error
+
+    def with_class(self, brdf: Brdf | None) -> "SplitSum":
+        if self.is_ggx or self.given is not None:
+            return self
+        if brdf is not None and not is_built_in(type(brdf)) and brdf.name == self.lobe:
+            values = self.level_info[-1].brdf.get("parameters")
+            own = brdf.with_values(**values) if isinstance(values, dict) else brdf
+            return replace(self, given=own)
+        _ = self.material  # raises where nobody knows it
+        return self
 
     def mixed(self, matrix: Array, info: MapInfo) -> "SplitSum":
         """Return the map in other primaries, unless its BRDF has colors, which stay in theirs."""
