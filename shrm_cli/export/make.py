@@ -227,7 +227,7 @@ class Asked:
 
 
 def export(
-    sources: AnyProbe | Sequence[AnyProbe],
+    sources: AnyProbe | Sequence[Probe | str | os.PathLike[str]],
     engine: str,
     folder: str | os.PathLike[str] | None = None,
     *,
@@ -267,13 +267,10 @@ def export(
     >>> any(file.name.endswith("_README.md") for file in made.files)
     True
     """
-    listed = several(sources, "sources")
     if isinstance(sources, np.ndarray):  # which `several` would take for a list of its rows
-        listed = [as_probe(sources)]
-    given: list[Probe | str] = [
-        as_probe(each) if isinstance(each, Probe | np.ndarray) else os.fspath(each)
-        for each in listed
-    ]
+        sources = as_probe(sources)
+    given = several(sources, "sources")
+    given = [each if isinstance(each, Probe) else os.fspath(each) for each in given]
     source = Source.open(given, reading=reading)
     if folder is not None:
         keep_other_export(source, engine_of(engine), Path(folder))
