@@ -262,17 +262,40 @@ def check_call(function: Callable[..., Any], /, *values: Any, **named: Any) -> N
     """Raise an `ArgumentError` where a function would not be called as its signature says."""
     signature = inspect.signature(function, eval_str=True)
     known = signature.parameters
-    try:
-        given = signature.bind(*values, **named).arguments
-    except TypeError as error:
-        names = ", ".join(f"`{each}`" for each in known)
-        for name in sorted(named.keys() - known.keys()):
-            of = f"is no argument of {function.__name__}, which takes {names}"
-            raise ArgumentError(name, of) from None
-        raise ArgumentError(function.__name__, f"takes {names}: {error}") from None
+    given = _bound(function, signature, values, named)
     for name, value in given.items():
         if known[name].kind is not inspect.Parameter.VAR_KEYWORD:
             check_kind(name, value, known[name].annotation)
+
+
+def known_arguments(function: Function) -> Function:
+    """Return a function that refuses arguments that it does not have in an `ArgumentError`."""
+    signature = inspect.signature(function)
+
+    @functools.wraps(function)
+    def refusing(*values: Any, **named: Any) -> Any:
+        _bound(function, signature, values, named)
+        return function(*values, **named)
+
+    return cast(Function, refusing)
+
+
+def _bound(
+    function: Callable[..., Any],
+    signature: inspect.Signature,
+    values: Sequence[Any],
+    named: Mapping[str, Any],
+) -> dict[str, Any]:
+    """Return the arguments of a call by their names."""
+    known = [each for each in signature.parameters if each != "cls"]
+    try:
+        return signature.bind(*values, **named).arguments
+    except TypeError as error:
+        names = ", ".join(f"`{each}`" for each in known)
+        for name in sorted(named.keys() - {*known}):
+            of = f"is no argument of {function.__name__}, which takes {names}"
+            raise ArgumentError(name, of) from None
+        raise ArgumentError(function.__name__, f"takes {names}: {error}") from None
 
 
 def check_fields(record: Any) -> None:

@@ -131,7 +131,9 @@ class Rising:
         """Report that `done` of `total` units of a stage are finished; fewer begin another one."""
         within = done / total if total else 1.0
         if within == self._within:
-            self._tell(self._told + _CREEP * (1 - self._told))
+            # Not into what is left to the stages after it, however often it reports the same.
+            end = self._before + 2 * _SHARE * (1 - self._before)
+            self._tell(self._told + _CREEP * max(end - self._told, 0))
             return
         if within < self._within:
             self._before = self._told

@@ -5,6 +5,8 @@ import pytest
 
 import shrm_cli as shrm
 from shrm_cli import settings
+from shrm_cli.brdf.spec import parse_spec
+from shrm_cli.brdf.transfer import compute_coefficients
 from shrm_cli.progress import Rising, Stages, in_order, report, tell_time_left, using
 
 
@@ -120,5 +122,27 @@ def test_rows_are_told_one_block_after_the_other(work):
     told = []
     with using(lambda done, total: told.append(done / total)):
         work()
+    assert told == sorted(told)
+    assert told[-1] == 1
+
+
+def test_a_stage_that_says_the_same_leaves_room_for_those_after_it():
+    """A stage of a thousand like reports took all, so that the rest of the work stood at 99 %."""
+    told = []
+    rising = Rising(lambda done, total: told.append(done / total))
+    for _ in range(1000):
+        rising(1, 2)
+    assert 0.25 < told[-1] <= 0.5
+    rising(0, 2)
+    rising(2, 2)
+    assert told == sorted(told)
+    assert told[-1] < 0.7
+
+
+def test_the_terms_of_a_sum_are_told_as_one_work():
+    """Each term began anew, which `Rising` took for a further attempt at all of them."""
+    told = []
+    with using(lambda done, total: told.append(done / total)):
+        compute_coefficients(parse_spec("0.5*lambertian+0.3*phong+0.2*microfacet"), 16, 2, 1e-3)
     assert told == sorted(told)
     assert told[-1] == 1

@@ -87,7 +87,7 @@ def energy_grid(
 
     `tolerances` are at least one fraction of the energy, in (0, 1), that orders may miss. `order_f`
     and `order_p` are the largest orders of the grid; by default 32 and 8, or more if a tolerance
-    needs them. A zonal BRDF has P = 0 only.
+    needs them: the largest F if no orders meet one. A zonal BRDF has P = 0 only.
     """
     _check_isotropic(brdf)
     # One attempt at the orders follows another, and nobody knows how many.
@@ -101,7 +101,9 @@ def energy_grid(
         except OrderError as error:
             unmet[eps] = str(error)
     if order_f is None:
-        order_f = max([DEFAULT_ORDER_F, *(each.order_f for each in orders)])
+        # A tolerance that no orders meet needs the largest, not the least ones.
+        needed = [known.order_f] if unmet else [each.order_f for each in orders]
+        order_f = max([DEFAULT_ORDER_F, *needed])
     if order_p is None:
         order_p = max([DEFAULT_ORDER_P, *(each.order_p for each in orders)])
     if brdf.zonal:

@@ -17,7 +17,7 @@ from shrm_cli.files.remote import matching
 from shrm_cli.files.whole import is_input
 from shrm_cli.maps import registry
 from shrm_cli.maps.options import Representation, counted, listing, owners
-from shrm_cli.maps.request import check_arguments, checked_options, resolved_form
+from shrm_cli.maps.request import check_arguments, checked_options, over, resolved_form
 from shrm_cli.messages import check_fields, check_kind, is_remote, several, shown
 from shrm_cli.naming import brdf_label, probe_stem, unsound
 from shrm_cli.probe.open import face_paths
@@ -56,7 +56,8 @@ class Entry:
     arguments : mapping of str to value
         Arguments of `shrm_cli.prefilter.prefilter` for all forms that obey them.
     own : mapping of str to mapping
-        Arguments for single forms, by the names of the forms; they come before those for all.
+        Arguments for single forms, by the names of the forms; they come before those for all, and
+        an error takes the place of what it chooses, such as `eps`, and the reverse.
     reading : mapping of str to value
         Keywords of `shrm_cli.probe.open.open_probe`.
     precision : {"auto", "half", "float"}
@@ -205,7 +206,7 @@ class Entry:
         """Return the arguments that a form is made with, checked."""
         chosen = registry.description(to)
         given = {name: each for name, each in self.arguments.items() if name in chosen.arguments}
-        given |= self.own.get(to, {})
+        given = over(given, self.own.get(to, {}), chosen.chosen)
         check_arguments(to, [*given, *(["brdf"] if self.brdfs and self._has_brdf(to) else [])])
         return checked_options(to, given)
 
@@ -435,6 +436,8 @@ def _twice(one: Job, other: Job) -> str:
     if one.probe != other.probe and probe_stem(one.probe) != probe_stem(other.probe):
         return f"{both}; put {{probe}} into the name of the outputs"
     if one.probe != other.probe:
+        if os.path.dirname(one.probe) == os.path.dirname(other.probe):
+            return f"{both}; rename one of the probes"
         return f"{both}; put {{folder}} into the name of the outputs"
     if one.recipe.brdf != other.recipe.brdf and None not in (one.recipe.brdf, other.recipe.brdf):
         return (

@@ -20,7 +20,8 @@ A small one; `docs/batch.md` has every key::
     to = "export"
     output = "engines/{engine}/{probe}"
 
-Every ``[[entry]]`` begins with what stands before the first one, as far as it applies to its forms.
+Every ``[[entry]]`` begins with what stands before the first one, as far as it applies to its forms
+and to what it says itself: an error takes the place of ``eps`` and of orders, and the reverse.
 Without any, that is the one entry. Names are relative to the current folder, as those of the
 command line are.
 """
@@ -35,6 +36,8 @@ from shrm_cli.errors import ArgumentError, ProbeError
 from shrm_cli.files.json_text import read_toml
 from shrm_cli.files.whole import note
 from shrm_cli.maps.options import listing
+from shrm_cli.maps.registry import DESCRIPTIONS
+from shrm_cli.maps.request import over
 from shrm_cli.messages import as_keys
 from shrm_cli.probe.options import ReadOptions, with_keywords
 from shrm_cli.probe.pixels import PixelPolicy
@@ -99,14 +102,17 @@ def _read(name: str) -> dict[str, Any]:
 
 
 def _merged(shared: Mapping[str, Any], table: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the keys of an entry over the shared ones; tables are merged key by key."""
-    result = dict(shared)
+    """Return the keys of an entry over the shared ones; tables are merged key by key.
+
+    An entry that says an error of its own does not take over what an error chooses, as `eps`.
+    """
+    chosen = frozenset[str]().union(*(each.chosen for each in DESCRIPTIONS.values()))
+    own = dict(table)
     for key, value in table.items():
-        before = result.get(key)
+        before = shared.get(key)
         if isinstance(value, dict) and isinstance(before, dict):
-            value = {**before, **value}
-        result[key] = value
-    return result
+            own[key] = over(before, value, chosen)
+    return over(shared, own, chosen)
 
 
 def _entry(name: str, found: Mapping[str, Any]) -> Entry:

@@ -20,7 +20,7 @@ from shrm_cli.batch.job import Chunk, Job, Recipe, Task
 from shrm_cli.batch.made import MISSING, Difference, difference
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.spec import parse_spec
-from shrm_cli.errors import ShrmError
+from shrm_cli.errors import ArgumentError, BrdfError, ShrmError
 from shrm_cli.files import remote
 from shrm_cli.files.whole import check_target, exists_error, protecting
 from shrm_cli.maps import registry
@@ -275,7 +275,10 @@ _TRIED = 5
 _PREDICTED = ("size", "maps", "order_f", "order_p", "order_carried", "predicted_error")
 
 
-def predictions(chunks: Sequence[Chunk], progress: Progress | None = None) -> list[dict[str, Any]]:
+Predictions = tuple[list[dict[str, Any]], dict[str, str]]
+
+
+def predictions(chunks: Sequence[Chunk], progress: Progress | None = None) -> Predictions:
     """Tell what the outputs of each recipe will be like, by the map of the first sound probe.
 
     Orders that a tolerance of the BRDF's energy chooses are the same for all probes. Where an
@@ -284,28 +287,43 @@ def predictions(chunks: Sequence[Chunk], progress: Progress | None = None) -> li
     Returns for each recipe the form, the BRDF, the number of outputs, the probe; what the summary
     of its map has of its size, its orders and its error; and under ``bytes`` what the map's values
     take in half precision, about the most that its file takes. Where no map could be made, there is
-    ``error`` in place of these.
+    ``error`` in place of these. Beside them returns why recipes are refused whatever the probe is,
+    by their texts.
     """
     jobs: dict[str, list[Job]] = {}
     for chunk in chunks:
         for job in chunk.jobs:
             jobs.setdefault(repr(job.recipe), []).append(job)
-    found = []
-    for alike in jobs.values():
-        found.append({**_first_sound(alike), "outputs": len(alike)})
+    found, refused = [], {}
+    for text, alike in jobs.items():
+        try:
+            predicted = _first_sound(alike)
+        except (ArgumentError, BrdfError) as error:
+            refused[text] = str(error)
+            predicted = {**_of(alike[0]), "probe": alike[0].probe, "error": str(error)}
+        found.append({**predicted, "outputs": len(alike)})
         tell(progress, len(found), len(jobs))
-    return found
+    return found, refused
+
+
+def _of(job: Job) -> dict[str, Any]:
+    return {"to": job.recipe.to, "brdf": job.recipe.brdf}
 
 
 def _first_sound(jobs: Sequence[Job]) -> dict[str, Any]:
-    """Predict the outputs of jobs of one recipe."""
-    named = {"to": jobs[0].recipe.to, "brdf": jobs[0].recipe.brdf}
+    """Predict the outputs of jobs of one recipe.
+
+    Raises ArgumentError or BrdfError if it is refused whatever the probe is.
+    """
+    named = _of(jobs[0])
     if jobs[0].recipe.to == EXPORT:
         return {**named, "engine": jobs[0].recipe.arguments["engine"]}
     error = ""
     for job in jobs[:_TRIED]:
         try:
             return {**named, "probe": job.probe, **_predicted(job)}
+        except (ArgumentError, BrdfError):
+            raise
         except ShrmError as failure:
             error = error or str(failure)
     return {**named, "probe": jobs[0].probe, "error": error}

@@ -39,7 +39,7 @@ from shrm_cli.brdf.lobe_expansion import (
 from shrm_cli.brdf.polar_rule import PolarRule, view_nodes
 from shrm_cli.brdf.sums import Sum
 from shrm_cli.errors import BrdfError
-from shrm_cli.progress import in_order
+from shrm_cli.progress import Stages, in_order
 from shrm_cli.records import record
 from shrm_cli.sphere.harmonics import legendre_degrees, legendre_table
 from shrm_cli.sphere.quadrature import colatitude_weights, nodes
@@ -418,9 +418,12 @@ def _summed(brdf: Sum, order_f: int, order_p: int, accuracy: float) -> BrdfCoeff
     total, by_degree = np.zeros(3), np.zeros((order_f + 1, 3))
     added = np.zeros((order_f + 1, MAX_ORDER_P + 1, MAX_ORDER_P + 1, 3))
     signs, missed, samples = both_signs(MAX_ORDER_P)[:, None], 0.0, []
-    for weight, term in brdf.terms:
+    stages = Stages(progress.current(), len(brdf.terms))
+    for number, (weight, term) in enumerate(brdf.terms, 1):
         term = term.recentered(brdf.center)
-        each = _to_its_degrees(term, order_f, order_p, accuracy)
+        with progress.using(stages.within):
+            each = _to_its_degrees(term, order_f, order_p, accuracy)
+        stages.done(number, len(brdf.terms))
         projected = np.zeros_like(added)
         known = 1 if term.zonal else MAX_ORDER_P + 1  # few views tell all of a zonal lobe
         degrees = slice(each.order_f + 1)

@@ -251,6 +251,8 @@ def _report(result: dict[str, Any]) -> list[str]:
         lines += [f"{result['probe']}, P = {curve['order_p']}: accuracy of the reflected light"]
         lines += ["    F  accuracy   minimum      BRDF     bound"]
         chosen = {row["order_f"] for row in result["orders"]} | {result["order_f"]}
+        if result["pictures"] is not None:
+            chosen.add(result["pictures"]["order_f"])
         for f in sorted(each for each in chosen if each <= result["order_f"]):
             lines.append(f"{f:5d}" + "".join(f"{curve[name][f]:10.2%}" for name in _CURVES))
     if (pictures := result["pictures"]) is not None:

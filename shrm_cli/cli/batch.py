@@ -290,6 +290,10 @@ def _run(
     totals = Totals(count)
     results: list[Result] = []
     told: set[tuple[str, str]] = set()
+    predictions: list[dict[str, Any]] = []
+    refused: list[Result] = []
+    if terms.only_looks:
+        predictions, chunks, refused = _predictions(chunks)
     with ExitStack() as stack:
         written = stack.enter_context(opened_log(log, count) if log else nullcontext())
         show = stack.enter_context(ticking(count or len(chunks)))
@@ -301,6 +305,8 @@ def _run(
                 results.append(result)
             show(totals)
 
+        for result in refused:
+            take(result)
         try:
             with place as (workers, is_remote):
                 run(chunks, workers, terms, take, is_remote)
@@ -315,7 +321,6 @@ def _run(
         if not (usage.is_quiet() or usage.wants_json()):
             probes = counted(len(results), "probe")
             echo_lines([f"{messages.shown(collect)}: {terms.gathering.what} of {probes}"])
-    predictions = _predictions(chunks) if terms.only_looks else []
     if contact_page is not None:
         _show(chunks, totals, contact_page)
     _conclude(totals, log, predictions)
@@ -372,12 +377,25 @@ def _note(result: Result, log: Log | None, only_looks: bool, told: set[tuple[str
             log({"status": "failed", "probe": result.probe, "error": result.error})
 
 
-def _predictions(chunks: list[Chunk]) -> list[dict[str, Any]]:
-    """Return what the outputs of each recipe will be like."""
-    from shrm_cli.batch.work import predictions
+def _predictions(
+    chunks: list[Chunk],
+) -> tuple[list[dict[str, Any]], list[Chunk], list[Result]]:
+    """Return what outputs will be like, what is to be looked at, and what fails for each probe."""
+    from shrm_cli.batch.work import Result, failure, predictions
 
     with progress_bar("predicting") as progress:
-        return predictions(chunks, progress)
+        found, refused = predictions(chunks, progress)
+    if not refused:
+        return found, chunks, []
+    left, failed = [], []
+    for chunk in chunks:
+        texts = [refused.get(repr(job.recipe)) for job in chunk.jobs]
+        pairs = list(zip(chunk.jobs, texts, strict=True))
+        lines = [failure(job, text) for job, text in pairs if text is not None]
+        sound = tuple(job for job, text in pairs if text is None)
+        failed += [Result(chunk.probe, lines)] if lines else []
+        left += [replace(chunk, jobs=sound)] if sound or chunk.collects else []
+    return found, left, failed
 
 
 def _conclude(totals: Totals, log: str | None, predictions: list[dict[str, Any]]) -> None:

@@ -36,7 +36,7 @@ from shrm_cli.naming import probe_stem
 from shrm_cli.orders import Orders
 from shrm_cli.probe.disc import Disc
 from shrm_cli.probe.lighting import project
-from shrm_cli.probe.open import as_probe
+from shrm_cli.probe.open import AnyProbe, as_probe
 from shrm_cli.probe.options import ReadOptions
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.proxy import ProxyBox
@@ -227,7 +227,7 @@ class Asked:
 
 
 def export(
-    sources: Probe | str | os.PathLike[str] | Sequence[Probe | str | os.PathLike[str]],
+    sources: AnyProbe | Sequence[Probe | str | os.PathLike[str]],
     engine: str,
     folder: str | os.PathLike[str] | None = None,
     *,
@@ -239,7 +239,7 @@ def export(
 
     Parameters
     ----------
-    sources : Probe, path-like or sequence of path-like
+    sources : Probe, path-like, array or sequence of path-like
         A light probe, or the files of a split sum, an irradiance map, or both.
     engine : str
         One of `vocabulary.ENGINES`, or that of an installed package.
@@ -267,6 +267,8 @@ def export(
     >>> any(file.name.endswith("_README.md") for file in made.files)
     True
     """
+    if isinstance(sources, np.ndarray):  # which `several` would take for a list of its rows
+        sources = as_probe(sources)
     given = several(sources, "sources")
     given = [each if isinstance(each, Probe) else os.fspath(each) for each in given]
     source = Source.open(given, reading=reading)

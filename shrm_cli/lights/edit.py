@@ -136,6 +136,10 @@ class Edit:
 
     def __post_init__(self) -> None:
         check_fields(self)
+        numbers = [value for _, value in self.numbers]
+        for name, given in (("numbers", numbers), ("scale", self.scale), ("turn", self.turn)):
+            if not all(np.isfinite(each).all() for each in given):
+                raise ArgumentError(name, "holds NaN or infinite values; give finite numbers")
 
     def of_coefficients(self, coefficients: Array, order: int | None = None) -> Array:
         """Return the coefficients of the light after it, to `order`, by default their own.

@@ -59,11 +59,11 @@ class CentralMap(ReflectionMap):
 
     def radiance(self, normals: ArrayLike, views: ArrayLike) -> Array:
         given = as_directions(normals=normals, views=views)
-        return self.central_radiance(central_directions(self.center, *given), views)
+        return self.central_radiance(central_directions(self.center, *given), given[1])
 
     def brushed_radiance(self, normals: ArrayLike, tangents: ArrayLike, views: ArrayLike) -> Array:
         given = as_directions(normals=normals, views=views, tangents=tangents)
-        return self.central_radiance(central_directions(self.center, *given), views)
+        return self.central_radiance(central_directions(self.center, *given), given[1])
 
 
 class FixedMap(Map):

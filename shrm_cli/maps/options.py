@@ -148,6 +148,8 @@ class Representation:
     steps: tuple[dict[str, Any], ...] = ()
     """The settings, from the coarsest on, of which an error that is asked for takes the first that
     keeps it; empty where the maker itself chooses. See `shrm_cli.maps.seen`."""
+    searched: frozenset[str] = frozenset()
+    """Further arguments that an error, or a share of wrong pixels, chooses."""
     is_offered: bool = False
     """Whether `shrm_cli.choose` makes some of its maps to know their errors; the form's module
     ``offers`` says which. See `shrm_cli.maps.offers`."""
@@ -166,6 +168,11 @@ class Representation:
     def arguments(self) -> frozenset[str]:
         """All arguments of its making, shared ones and its own."""
         return self.takes | {option.name for option in self.options if not option.prints}
+
+    @property
+    def chosen(self) -> frozenset[str]:
+        """The arguments that apply neither with `error` nor with `seen`, which choose them."""
+        return self.searched.union(*self.steps)
 
     @property
     def defaults(self) -> dict[str, Any]:

@@ -72,6 +72,7 @@ DESCRIPTIONS = {
             SHADER,
             TEXTURES,
         ),
+        searched=frozenset(("eps", "order_f", "order_p", "split")),
         mark=("#0072b2", "s"),
     ),
     **{
@@ -81,6 +82,7 @@ DESCRIPTIONS = {
             _EXPLICIT_TAKES,
             (*_OWN.get(name, ()), SHADER, TEXTURES),
             steps=_STEPS,
+            searched=frozenset(("order_p",)),
             is_offered=name in _OFFERED,
             mark=("#e69f00", "v"),
         )
@@ -151,6 +153,7 @@ DESCRIPTIONS = {
         ),
         own_defaults={"max_size": vocabulary.DEFAULT_MAX_SIZE},
         instead_of_seen=frozenset(("eps", "error", "maps")),
+        searched=frozenset(("eps", "maps")),
         mark=("#d55e00", "o"),
     ),
     "product": Representation(

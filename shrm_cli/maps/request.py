@@ -42,6 +42,9 @@ from shrm_cli.vocabulary import (
     Sampling,
 )
 
+GOALS = "error", "seen"
+"""The arguments that ask something of the picture, and choose others."""
+
 
 @record(eq=False)
 class Request:
@@ -179,7 +182,26 @@ def checked_options(to: str, given: Mapping[str, Any]) -> dict[str, Any]:
         if name in given:
             domain = "frequency" if is_angular else "angular"
             raise ArgumentError(name, f"applies with `domain` {domain}")
+    asking = next((name for name in reversed(GOALS) if name in given), None)
+    for name in sorted(given.keys() & registry.description(to).chosen if asking else ()):
+        raise ArgumentError(name, f"does not apply with `{asking}`, which chooses it")
     return registry.checked(to, given)
+
+
+def over(
+    before: Mapping[str, Any], own: Mapping[str, Any], chosen: frozenset[str]
+) -> dict[str, Any]:
+    """Return arguments over others, without those of the others that do not apply with them.
+
+    `chosen` are the arguments that an error chooses: one that is given takes its place, and the
+    reverse.
+    """
+    dropped: set[str] = set()
+    if own.keys() & set(GOALS):
+        dropped |= chosen
+    if own.keys() & chosen:
+        dropped |= set(GOALS)
+    return {**{name: each for name, each in before.items() if name not in dropped}, **own}
 
 
 def check_arguments(to: str, given: Iterable[str]) -> None:

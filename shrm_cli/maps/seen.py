@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import cache
 
-from shrm_cli.errors import ArgumentError
 from shrm_cli.maps import registry
 from shrm_cli.maps.base import DISCS, REMEDY
 from shrm_cli.maps.lobes_lit import keeping_light
@@ -146,10 +145,6 @@ def first_that_keeps(
     Where none keeps them, the map of the least error is returned.
     """
     form = registry.description(request.to)
-    asking = "error" if request.seen is None else "seen"
-    chosen = {name for step in form.steps for name in step}
-    for name in sorted(request.given.keys() & (chosen | {"order_p"})):
-        raise ArgumentError(name, f"does not apply with `{asking}`, which chooses it")
     goal = Goal.of(request.error, request.seen)
     tried: list[Candidate[Prefiltered]] = []
     for step in form.steps:

@@ -16,6 +16,7 @@ from shrm_cli.probe.open import AnyProbe, as_probe
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.resample import to_grid
 from shrm_cli.records import record
+from shrm_cli.sphere.directions import as_directions
 from shrm_cli.vocabulary import LUMINANCE
 
 PLATEAU = 0.95
@@ -79,10 +80,14 @@ def unclip(
     """
     if (irradiance is None) == (ratio is None):
         raise ArgumentError("irradiance", "or `ratio` must be given, and not both")
+    reading = np.asarray(irradiance if ratio is None else ratio, dtype=float)
+    argument = "irradiance" if ratio is None else "ratio"
+    if reading.shape not in ((), (3,)) or not np.isfinite(reading).all():
+        raise ArgumentError(argument, f"is {reading.tolist()}; give a finite number, or three")
+    (facing,) = as_directions(normal=normal)
     probe = as_probe(probe)
     image, grid = to_grid(probe, probe.grid), probe.grid
     numbers, lamp = _lamp(probe, image)
-    facing = np.asarray(normal, dtype=float) / np.linalg.norm(normal)
     own = (lamp.areas * np.maximum(lamp.directions @ facing, 0)) @ lamp.radiance
     cosines = np.maximum(grid.directions() @ facing, 0) * grid.weights()
     rest = np.einsum("hw,hwc->c", cosines, image, dtype=float) - own
@@ -94,13 +99,13 @@ def unclip(
     if ratio is not None:
         factors = np.full(3, (ratio - 1) * (rest @ LUMINANCE) / (own @ LUMINANCE))
     else:
-        factors = (np.broadcast_to(np.asarray(irradiance, dtype=float), (3,)) - rest) / own
+        factors = (reading - rest) / own
     # A channel that was not clipped may be a little less, by the noise of the reading.
     grows = ((factors - 1) * own) @ LUMINANCE > 0
     if not (grows and np.isfinite(factors).all() and factors.min() > 0):
         there = ", ".join(f"{each:.4g}" for each in own + rest)
         raise ArgumentError(
-            "irradiance" if ratio is None else "ratio",
+            argument,
             f"is below the irradiance {there} that {probe.name} gives already (a ratio of "
             f"{(own + rest) @ LUMINANCE / (rest @ LUMINANCE):.4g}); check its units, its albedo "
             "and where it faced",

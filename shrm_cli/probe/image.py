@@ -129,8 +129,17 @@ class ArrayImage:
                 f"{name}: {values.dtype} values are not scene-linear radiance; give an array of "
                 "floats"
             )
-        with np.errstate(over="ignore"):  # what float32 cannot hold is infinite, and is refused
-            return cls(np.array(values, dtype=np.float32, order="C"), name)
+        with np.errstate(over="ignore"):  # what float32 cannot hold is infinite
+            pixels = np.array(values, dtype=np.float32, order="C")
+        if values.dtype.itemsize > pixels.itemsize:
+            lost = np.isinf(pixels) & np.isfinite(values)
+            if count := np.count_nonzero(lost):
+                row, column = np.argwhere(lost)[0][:2]
+                raise ProbeError(
+                    f"{name}: {count:,} of its values are too large for 32-bit floats, the first "
+                    f"at column {column}, row {row}; scale it down"
+                )
+        return cls(pixels, name)
 
     def facts(self) -> dict[str, Any]:
         """Nothing: an array is what it is."""

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from shrm_cli.arrays import Array
 from shrm_cli.color import conversion
 from shrm_cli.errors import ProbeError
+from shrm_cli.messages import known_arguments
 from shrm_cli.probe.image import (
     ArrayImage,
     ConvertedImage,
@@ -94,6 +95,7 @@ class Probe(Displayed):
     proxy: ProxyBox | None = None
 
     @classmethod
+    @known_arguments
     def from_array(
         cls,
         array: ArrayLike,
@@ -138,6 +140,8 @@ class Probe(Displayed):
         ProbeError
             If the array is no image, its shape does not suit the layout, or another argument has
             a value that it cannot have.
+        ArgumentError
+            If there is no such argument.
         """
         policy = PixelPolicy(fix_nonfinite, clamp)
         options = ReadOptions(

@@ -177,6 +177,8 @@ class Reader:
 
 def check_file(name: str | os.PathLike[str]) -> Path:
     """The path of a file, without what would block, mislead, or make noise when it is opened."""
+    if not os.fspath(name):
+        raise ProbeError("the name of a probe is empty; name an image file")
     path = Path(name)
     try:
         str(path).encode()  # image libraries take no other names

@@ -12,6 +12,9 @@ from shrm_cli.vocabulary import Center
 _GRAZING = 1e-6
 """Length of R + V below which both are taken to be opposite."""
 
+_ROUNDING = 1e-14
+"""How far the squared length of a unit vector may be from 1."""
+
 
 def as_vectors(**given: ArrayLike) -> list[Array]:
     """Return vectors as floats of shape (..., 3), each in its precision, if it has one.
@@ -38,7 +41,9 @@ def as_vectors(**given: ArrayLike) -> list[Array]:
 
 
 def as_directions(**given: ArrayLike) -> list[Array]:
-    """Return vectors as `as_vectors` does, in double precision.
+    """Return unit vectors along those given, in double precision; see `as_vectors`.
+
+    Those that are unit vectors but for rounding stay as they are.
 
     Raises an `ArgumentError` for those that point nowhere, too: of length 0, NaN or infinite.
     """
@@ -50,7 +55,16 @@ def as_directions(**given: ArrayLike) -> list[Array]:
         if not pointing.all():
             first = vectors[~pointing][0].tolist()
             raise ArgumentError(argument, f"hold {first}, whose length is 0 or not finite")
-    return found
+    return [_of_length_1(vectors) for vectors in found]
+
+
+def _of_length_1(vectors: Array) -> Array:
+    squares = np.einsum("...i,...i->...", vectors, vectors)
+    if (np.abs(squares - 1) <= _ROUNDING).all():
+        return vectors
+    # The squares of short vectors may be too small to be told apart.
+    scaled = vectors / np.abs(vectors).max(axis=-1, keepdims=True)
+    return np.asarray(scaled / np.linalg.norm(scaled, axis=-1, keepdims=True))
 
 
 def from_angles(theta: ArrayLike, phi: ArrayLike) -> Array:

@@ -133,6 +133,14 @@ def test_names_of_outputs_that_cannot_be(folder, changes, said):
     assert said in str(caught.value)
 
 
+def test_probes_of_a_folder_whose_names_come_out_alike_are_to_be_renamed(folder):
+    """A ``%`` is left out of names of outputs; `{folder}`, which was advised, is there already."""
+    for name in ("a%b.exr", "ab.exr"):
+        (folder / name).write_bytes((folder / "probes/day/p0.exr").read_bytes())
+    with pytest.raises(OutputError, match=r"of a%b\.exr and of ab\.exr; rename one of the probes"):
+        outputs(Entry(("a*.exr",), (), ("irradiance",), "o/{folder}/{probe}.exr"))
+
+
 def test_no_output_is_a_measured_file_that_is_read(folder):
     (folder / "paint.exr").write_bytes((folder / "probes/day/p0.exr").read_bytes())
     with pytest.raises(OutputError, match=r"paint\.exr: would overwrite the input"):

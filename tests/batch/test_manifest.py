@@ -64,10 +64,45 @@ def test_the_manifest_of_the_page_is_read(tmp_path):
     text = page.split("```toml\n")[1].split("```")[0]
     first, second, third = read_manifest(written(tmp_path, text))
     assert first.own == {"irradiance": {"form": "zh3"}}
-    assert (second.own, second.arguments) == ({}, {"eps": 0.02, "error": 0.05})
+    assert (second.own, second.arguments) == ({}, {"error": 0.05})
     assert (third.brdfs, third.arguments) == ((), {"format": "bc6h"})
     assert second.brdfs == first.brdfs
     assert third.engines == ("three", "bevy")
+
+
+@pytest.mark.parametrize(
+    ("above", "own", "arguments"),
+    [
+        ("eps = 0.1", "error = 0.05", {"error": 0.05}),
+        ("eps = 0.1\norder_f = 3", "seen = 0.05", {"seen": 0.05}),
+        ("error = 0.1\nseen = 0.1", "eps = 0.05", {"eps": 0.05}),
+        ("error = 0.1", "order_f = 3", {"order_f": 3}),
+        ("error = 0.1", "seen = 0.05", {"error": 0.1, "seen": 0.05}),
+        ("eps = 0.1", "order_f = 3", {"eps": 0.1, "order_f": 3}),
+        ("eps = 0.1", "[entry.shrm]\nerror = 0.05", {"error": 0.05}),
+        ("error = 0.1", "[entry.shrm]\neps = 0.05", {"eps": 0.05}),
+        ("[shrm]\neps = 0.1", "[entry.shrm]\nerror = 0.05", {"error": 0.05}),
+        ("[shrm]\neps = 0.1", "error = 0.05", {"eps": 0.1}),
+    ],
+)
+def test_an_error_takes_the_place_of_what_it_chooses(tmp_path, above, own, arguments):
+    text = f"probes = ['a']\nto = 'shrm'\nbrdfs = ['phong']\n{above}\n[[entry]]\n{own}\n"
+    (entry,) = read_manifest(written(tmp_path, text))
+    (recipe,) = entry.recipes()
+    assert recipe.arguments == arguments
+
+
+@pytest.mark.parametrize(
+    ("to", "option", "asked"),
+    [("shrm", "eps = 0.1", "seen"), ("principal", "maps = 3", "error"),
+     ("cabral", "order_p = 2", "error"), ("product", "order = 3", "error")],
+)  # fmt: skip
+def test_what_an_error_chooses_is_refused_beside_it(tmp_path, to, option, asked):
+    """Each job failed for itself, after a dry run that counted it as to be made."""
+    text = f"probes = ['a']\nbrdfs = ['phong']\nto = '{to}'\n{option}\n{asked} = 0.1\n"
+    said = f"'{option.split()[0]}' does not apply with '{asked}', which chooses it"
+    with pytest.raises(ProbeError, match=said):
+        read_manifest(written(tmp_path, text))
 
 
 @pytest.mark.parametrize("own", ["eps = 0.1", "brdfs = ['phong']", "[entry.shrm]", "for = 'bevy'"])

@@ -4,6 +4,7 @@ import json
 import re
 import shlex
 from importlib import import_module
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -105,6 +106,28 @@ def test_a_dry_run_tells_of_forms_without_texels_or_orders(folder, here):
     textured = run("batch", "probes/p0.exr", "--to", "product", "--brdf", "phong", *names)
     assert "1 of product, phong: 128 texels, at most " in textured.out
     assert (fitted.code, textured.code) == (0, 0)
+
+
+def test_the_manifest_of_the_page_is_made(folder, here):
+    """An entry inherits `eps` there, says its own `error`, and failed."""
+    write_probes(folder / "night", 1)
+    page = (Path(__file__).parents[2] / "docs" / "batch.md").read_text()
+    text = page.split("```toml\n")[1].split("```")[0]
+    (folder / "bake.toml").write_text(text.replace("measured/paint.bsdf", "phong"))
+    result = run("batch", "bake.toml", "--jobs", "1")
+    assert (result.code, "27 outputs: 27 made" in result.out) == (0, True), result.err
+
+
+def test_a_dry_run_counts_what_is_refused_whatever_the_probe_as_failed(folder, here):
+    """These were to be made, with exit code 0."""
+    options = ("--to", "irradiance", "--to", "shrm", "--brdf", "phong", "--split", "--jobs", "1")
+    result = run("batch", "probes/*.exr", *options, "--dry-run")
+    assert result.code == 1
+    assert "10 outputs: 5 to make, 5 failed" in result.out
+    assert "p0.phong.shrm.exr: --split applies to sums" in result.err
+    assert "waiting  p0.phong.shrm.exr" not in result.err
+    real = run("batch", "probes/*.exr", *options)
+    assert (real.code, "10 outputs: 5 made, 5 failed" in real.out) == (1, True)
 
 
 @pytest.mark.slow

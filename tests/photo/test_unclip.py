@@ -63,6 +63,8 @@ def test_what_cannot_be_is_refused(sky):
     with pytest.raises(ArgumentError, match=r"`ratio` is below the irrad.*\(a ratio of 1\.00"):
         unclip(probe, ratio=1.001)
     with pytest.raises(ArgumentError, match="`irradiance` is below the irradiance"):
+        unclip(probe, irradiance=1e-3)
+    with pytest.raises(ArgumentError, match=r"`irradiance` is \[1.0, nan, 1.0\]; give a finite"):
         unclip(probe, irradiance=[1, np.nan, 1])
     with pytest.raises(ProbeError, match="does not light a surface that faces so"):
         unclip(probe, ratio=5, normal=(0, -1, 0))

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from shrm_cli.brdf.imported.surfaces import ROTATIONS, SURFACES
+from shrm_cli.brdf.imported.surfaces import LEFT_OUT, SURFACES
 from shrm_cli.brdf.layered.openpbr import OpenPbr
 from shrm_cli.brdf.measured.reading.file import check_file, readable
 from shrm_cli.color import Primaries, from_rec709, mix_channels
@@ -47,9 +47,9 @@ def open_material(path: Path, wanted: str, primaries: Primaries | None = None) -
         raise BrdfError(f"{path}: {str(error).removeprefix('openpbr: ')}") from error
     except (ArithmeticError, ValueError) as error:  # of numbers that no surface has
         raise BrdfError(f"{path}: its material cannot be used ({error})") from error
-    rotations = [each for each in ROTATIONS if material.values.get(each, 0) != 0]
+    unlike = [each for each in LEFT_OUT if material.values.get(each, 0) != 0]
     for what, names in (
-        ("left out", [*material.left_out, *rotations]),
+        ("left out", [*material.left_out, *unlike]),
         ("replaced by the mean of a texture", material.averaged),
     ):
         if names:

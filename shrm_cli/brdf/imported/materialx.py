@@ -16,6 +16,7 @@ from shrm_cli.color import conversion, mix_channels, srgb_to_linear
 from shrm_cli.errors import BrdfError
 from shrm_cli.extras import install
 from shrm_cli.files.texture import mean_color, referenced_file
+from shrm_cli.messages import first_of
 from shrm_cli.vocabulary import PRIMARIES
 
 _MOST_BYTES = 2**24
@@ -24,7 +25,11 @@ _MOST_DEPTH = 32
 """The most elements within each other, and the most nodes one after the other."""
 _LINEAR = ("", "none", "raw", "lin_rec709", "lin_rec709_scene")
 _ACESCG = ("acescg", "lin_ap1", "lin_ap1_scene")
-_IMAGES = "image", "tiledimage", "gltf_image", "gltf_colorimage"
+_FACTORS = {
+    "image": (), "tiledimage": (), "gltf_image": ("factor",),
+    "gltf_colorimage": ("color", "geomcolor"),
+}  # fmt: skip
+"""The nodes of textures, and the inputs that these are multiplied by."""
 _PASSING = "convert", "dot"
 _COLORS = "emissive", "opacity"
 """Inputs that are colors, besides those whose names end so."""
@@ -60,7 +65,13 @@ def read_materialx(name: str, data: bytes, wanted: str) -> Material:
         options.readXIncludeFunction = None
         text = data.decode("utf-8-sig")
         MaterialX.readFromXmlString(document, text, MaterialX.FileSearchPath(), options)
-        shaders = _shaders(MaterialX, document)
+        shaders, others = _shaders(MaterialX, document)
+        if wanted not in shaders and (wanted in others or (not shaders and others)):
+            which = wanted if wanted in others else next(iter(others))
+            raise BrdfError(
+                f"{name}: the material {which[:40]!r} is of the kind {others[which][:40]!r}, which "
+                f"is not read; those that are: {first_of(list(SURFACES), len(SURFACES))}"
+            )
         shader = list(shaders.values())[chosen(name, list(shaders), wanted)]
         return _material(name, shader)
     except damaged as error:
@@ -95,15 +106,27 @@ def _check(data: bytes) -> None:
     parser.Parse(data, True)
 
 
-def _shaders(package: Any, document: Any) -> dict[str, Any]:
-    """The surfaces that are read, by the names of their materials or, without such, their own."""
-    found = {}
-    for material in document.getMaterialNodes():
-        for shader in package.getShaderNodes(material):
+def _shaders(package: Any, document: Any) -> tuple[dict[str, Any], dict[str, str]]:
+    """The surfaces that are read, and the kinds of those that are not.
+
+    Both are by the names of their materials or, without any that is read, by their own.
+    """
+    found, others = {}, {}
+    surfaces = [each for each in document.getNodes() if each.getType() == "surfaceshader"]
+    named = [
+        (material.getName(), shader)
+        for material in document.getMaterialNodes()
+        for shader in package.getShaderNodes(material)
+    ]
+    for pairs in named, [(each.getName(), each) for each in surfaces]:
+        for called, shader in pairs:
             if shader.getCategory() in SURFACES:
-                found[material.getName()] = shader
-    alone = {each.getName(): each for each in document.getNodes() if each.getCategory() in SURFACES}
-    return found or alone
+                found[called] = shader
+            else:
+                others[called] = shader.getCategory()
+        if found:
+            break
+    return found, others
 
 
 def _material(name: str, shader: Any) -> Material:
@@ -150,15 +173,18 @@ class _Value:
 
     def _of_node(self, node: Any, output: str) -> tuple[Array, bool]:
         kind = node.getCategory()
-        if kind in _IMAGES:
-            return self._image(node) * self._of_unit(_input(node, "file")), True
+        if kind in _FACTORS:
+            found = self._image(node) * self._of_unit(_input(node, "file"))
+            for factor in filter(None, map(node.getInput, _FACTORS[kind])):
+                found = found * self._constant_factor(node, factor)
+            return np.full(4, found[3]) if output == "outa" else found, True
         if kind == "constant":
             return self.of(_input(node, "value"))
         if kind == "multiply":
             one, first = self.of(_input(node, "in1"))
             other, second = self.of(_input(node, "in2"))
             if first and second:
-                raise ValueError(f"{node.getName()} multiplies two textures; bake them into one")
+                raise ValueError(_of_two(node))
             return one * other, first or second
         if kind in _PASSING:
             return self.of(_input(node, "in"))
@@ -167,6 +193,13 @@ class _Value:
             place = _PLACES[output[-1:]] if output else _input(node, "index").getValue()
             return np.full(4, found[place]), is_texture
         raise ValueError(f"it is computed by a node {kind!r}; bake it to a texture")
+
+    def _constant_factor(self, node: Any, given: Any) -> Array:
+        """The value of an input that a texture is multiplied by."""
+        found, is_texture = self.of(given)
+        if is_texture:
+            raise ValueError(_of_two(node))
+        return found
 
     def _of_unit(self, given: Any) -> float:
         """What makes numbers of the unit of an input those of the surface."""
@@ -181,7 +214,9 @@ class _Value:
         file = _input(node, "file")
         own, file = file.getColorSpace(), file.getInterfaceInput() or file
         named = own or file.getActiveColorSpace()
-        space = _curve(named) if node.getType().startswith("color") else None
+        # The outputs of a `gltf_colorimage` are several, which its type says, and of a color.
+        is_color = node.getType().startswith("color") or node.getCategory() == "gltf_colorimage"
+        space = _curve(named) if is_color else None
         path = referenced_file(self.name, str(file.getValue()))
         if space is srgb_to_linear:
             return mean_color(path, True)
@@ -194,6 +229,10 @@ def _input(node: Any, name: str) -> Any:
     if found is None:
         raise ValueError(f"the node {node.getName()!r} has no input {name!r}")
     return found
+
+
+def _of_two(node: Any) -> str:
+    return f"{node.getName()} multiplies two textures; bake them into one"
 
 
 def _constant(given: Any) -> Array:

@@ -19,8 +19,12 @@ Values = Mapping[str, Any]
 _LARGEST_IOR = 3.0
 """The largest of OpenPBR's `specular_ior`."""
 
-ROTATIONS = "anisotropy_rotation", "specular_rotation", "coat_rotation"
-"""How far what is brushed is turned, which is left out: tangents say where it runs."""
+LEFT_OUT = (
+    "anisotropy_rotation", "specular_rotation", "coat_rotation", "coat_affect_color",
+    "coat_affect_roughness",
+)  # fmt: skip
+"""What is left out where it is not 0: how far what is brushed is turned, since tangents say where
+it runs, and what a coat of Standard Surface does to what lies under it."""
 
 
 def of_gltf(given: Values) -> dict[str, Any]:

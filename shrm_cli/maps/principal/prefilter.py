@@ -3,7 +3,6 @@
 from dataclasses import replace
 from typing import Any
 
-from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.base import REMEDY
 from shrm_cli.maps.options import bytes_text, counted
 from shrm_cli.maps.principal.proposal import TABLED, Proposal, Proposals
@@ -26,10 +25,6 @@ _ANY_SIZE = 2**32
 
 def prefilter(probe: Probe, request: Request) -> Prefiltered:
     """Prefilter a probe for a BRDF."""
-    asking = next((name for name in ("error", "seen") if name in request.given), None)
-    refused = next((name for name in ("maps", "eps") if name in request.given), None)
-    if asking and refused:
-        raise ArgumentError(refused, f"does not apply with `{asking}`, which chooses the functions")
     goal = None if request.seen is None else Goal.of(request.error, request.seen)
     asked = request if goal is None else replace(request, error=goal.error)
     proposals = Proposals(Projection(probe), asked)

@@ -137,6 +137,8 @@ class ProductMap(_Parabolic, MaterialMap):
             raise MapError(
                 f"light of shape {coefficients.shape} is not {count} coefficients or more, x 3"
             )
+        if not np.isfinite(coefficients).all():
+            raise MapError("the light holds NaN or infinite coefficients; project it again")
         return LitProduct(self, coefficients[:count])
 
     def window(self, spec: str, lighting: ArrayLike) -> "LightWindow":

@@ -24,7 +24,9 @@ from shrm_cli.vocabulary import Frame
 
 def prefilter(probe: Probe, request: Request) -> Prefiltered:
     """Prefilter a probe for a BRDF."""
-    _refuse_contradictions(request)
+    if request.seen is not None and (request.frame != "global" or "compress" in request.own):
+        name = "compress" if request.frame == "global" else "frame"
+        raise ArgumentError(name, "does not apply with `seen`")
     request, notes = make.centered(request)
     # Each term of a sum has a center of its own, and orders that are chosen from the tolerance, so
     # that neither can be given.
@@ -74,19 +76,6 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
     made = make.prefilter_shrm(light, request, chosen)
     warnings = (*unsplit, *make.order_warnings(made, request), *made.warnings)
     return replace(made, notes=notes, warnings=warnings)
-
-
-def _refuse_contradictions(request: Request) -> None:
-    """Refuse arguments of which one leaves another without effect."""
-    if request.error is None and request.seen is None:
-        return
-    asking = "error" if request.seen is None else "seen"
-    for name in ("eps", "order_f", "order_p", "split"):
-        if name in request.given:
-            raise ArgumentError(name, f"does not apply with `{asking}`, which chooses the orders")
-    if request.seen is not None and (request.frame != "global" or "compress" in request.own):
-        name = "compress" if request.frame == "global" else "frame"
-        raise ArgumentError(name, "does not apply with `seen`")
 
 
 def _within_error(light: Projection, request: Request, error: float) -> Prefiltered:

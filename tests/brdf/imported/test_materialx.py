@@ -241,6 +241,83 @@ def test_what_cannot_be_averaged_is_refused(tmp_path, rng, output, words):
         parse_spec(str(path))
 
 
+FACTORS = """<gltf_colorimage name="color" type="multioutput">
+    <input name="file" type="filename" value="t.png" colorspace="srgb_texture"/>
+    <input name="color" type="color4" value="0.5, 0.25, 0.1, 0.5"/>
+    <input name="geomcolor" type="color4" value="1, 0.5, 1, 0.5"/></gltf_colorimage>
+  <gltf_image name="tinted" type="color3">
+    <input name="file" type="filename" value="t.png" colorspace="srgb_texture"/>
+    <input name="factor" type="color3" value="0.5, 0.25, 0.1"/></gltf_image>
+  <gltf_image name="rough" type="float"><input name="file" type="filename" value="t.png"/>
+    <input name="factor" type="float" value="0.5"/></gltf_image>
+  <gltf_image name="square" type="color3"><input name="file" type="filename" value="t.png"/>
+    <input name="factor" type="color3" nodename="tinted"/></gltf_image>"""
+
+
+def of_node(name, kind, node, output=""):
+    more = f'output="{output}"' if output else ""
+    return f'<input name="{name}" type="{kind}" nodename="{node}" {more}/>'
+
+
+def test_textures_of_gltf_nodes_are_multiplied_by_their_factors(tmp_path, rng):
+    """The curve of sRGB was not decoded where there are several outputs, nor factors read."""
+    pixels = rng.integers(0, 256, (4, 3, 4)).astype(np.uint8)
+    picture(tmp_path / "t.png", pixels)
+    flat = pixels.reshape(-1, 4) / 255
+    color = decoded(flat[:, :3]).mean(axis=0)
+    for given, expected in (
+        (of_node("base_color", "color3", "color", "outcolor"), color * [0.5, 0.125, 0.1]),
+        (of_node("base_color", "color3", "tinted"), color * [0.5, 0.25, 0.1]),
+    ):
+        path = document(
+            tmp_path,
+            FACTORS
+            + surface(
+                given,
+                of_node("base_metalness", "float", "color", "outa"),
+                of_node("specular_roughness", "float", "rough"),
+            ),
+        )
+        with pytest.warns(ShrmWarning, match="replaced by the mean of a texture"):
+            found = parse_spec(str(path))
+        assert found.color("base_color") == pytest.approx(tuple(expected), rel=1e-5)
+        assert found.number("base_metalness") == pytest.approx(flat[:, 3].mean() / 4, rel=1e-5)
+        assert found.number("specular_roughness") == pytest.approx(flat[:, 0].mean() / 2, rel=1e-5)
+
+
+def test_factors_that_are_textures_are_refused(tmp_path):
+    picture(tmp_path / "t.png", np.full((2, 2, 3), 99, np.uint8))
+    body = FACTORS + surface(of_node("base_color", "color3", "square"))
+    with pytest.raises(BrdfError, match="square multiplies two textures"):
+        parse_spec(str(document(tmp_path, body)))
+
+
+def test_what_a_coat_of_standard_surface_does_below_is_told(tmp_path):
+    inputs = [value("coat", "float", "1"), value("coat_affect_color", "float", "1"),
+              value("coat_affect_roughness", "float", "0")]  # fmt: skip
+    with pytest.warns(ShrmWarning) as said:
+        parse_spec(str(document(tmp_path, surface(*inputs, node="standard_surface"))))
+    assert any(str(each.message).endswith("left out: coat_affect_color") for each in said)
+
+
+@pytest.mark.parametrize("also", ["", surface(name="Gold")])
+def test_surfaces_that_are_not_read_are_told_as_what_they_are(tmp_path, also):
+    """They were no material at all."""
+    body = (
+        surface(node="UsdPreviewSurface", name="preview")
+        + '<surfacematerial name="Usd" type="material">'
+        '<input name="surfaceshader" type="surfaceshader" nodename="preview"/></surfacematerial>'
+    )
+    path = document(tmp_path, body + also)
+    with pytest.raises(BrdfError, match="'Usd' is of the kind 'UsdPreviewSurface', which is not"):
+        parse_spec(f"{path}#Usd")
+    if also:
+        assert parse_spec(f"{path}#Gold").values == parse_spec(str(path)).values
+    else:
+        with pytest.raises(BrdfError, match="'Usd' is of the kind 'UsdPreviewSurface'"):
+            parse_spec(str(path))
+
+
 def test_materials_are_named(tmp_path):
     body = "".join(
         surface(value("base_metalness", "float", metal), name=f"s{metal}")
