@@ -275,11 +275,7 @@ class _Reflected:
 
     def missed(self, last: int | None) -> float:
         """Return the error of lamps beside a map that holds the degrees up to the last one."""
-        if last is None:
-            beyond = self.change.beyond_all()
-        else:
-            beyond = reflected_rms(self.change.beyond(last), self.transfer)
-        return math.hypot(self.of_table, beyond / self.whole)
+        return math.hypot(self.of_table, self.change.missed(last) / self.whole)
 
     def suffices(self, last: int, goal: Goal) -> bool:
         """Tell whether these lamps leave enough of what may be wrong to the map."""

@@ -51,9 +51,7 @@ class _Shape:
     @classmethod
     def of(cls, lamp: Lamp, pixels: Array, transfer: TransferFunctions) -> Self:
         """Return the shape of a lamp whose pixels have these coefficients."""
-        known = pixels - disc_coefficients(lamp.discs, transfer.order_f)
-        energy = np.maximum(_changed_energy(lamp), (known**2).sum(axis=0))
-        return cls(lamp, reflected_rms(Lighting(known, energy), transfer))
+        return cls(lamp, reflected_rms(_changed(lamp, pixels), transfer))
 
     @property
     def count(self) -> int:
@@ -79,9 +77,10 @@ class Change:
     ) -> None:
         self.split, self.whole, self.pixels = split, whole, pixels
         self._transfer, self._of_lamps = transfer, of_lamps
-        self.known = np.sum(of_lamps, axis=0) - disc_coefficients(split.discs, transfer.order_f)
-        energy = sum(map(_changed_energy, split.lamps), np.zeros(3))
-        self._energy = np.maximum(energy, np.sum(self.known**2, axis=0))
+        lights = list(map(_changed, split.lamps, of_lamps))
+        self.known = np.sum([light.coefficients for light in lights], axis=0)
+        known = np.sum(self.known**2, axis=0)
+        self._energy = np.maximum(np.sum([light.energy for light in lights], axis=0), known)
 
     @classmethod
     def of(cls, split: LampSplit, transfer: TransferFunctions) -> Self:
@@ -145,17 +144,22 @@ class Change:
         unknown = self._energy - (self.known**2).sum(axis=0)
         return Lighting(left, unknown + (left**2).sum(axis=0))
 
-    def beyond_all(self) -> float:
-        """Return the RMS of what is reflected of what a rest lacks that holds all degrees.
+    def missed(self, last: int | None) -> float:
+        """Return the RMS of what is reflected of what a rest lacks.
 
-        These are those of the pixels. It is infinite where discs, whose degrees do not end there,
-        are known to finer ones: a rest that ends where its lamps go on rings around them.
+        `last` is the last degree of this that the rest holds, or None where it holds all: those of
+        the pixels. Then it is infinite where discs, whose degrees do not end there, are known to
+        finer ones: a rest that ends where its lamps go on rings around them.
         """
-        order, last = self._transfer.order_f, self.whole.grid.resolved_order
-        if last < order:
+        if last is not None:
+            return reflected_rms(self.beyond(last), self._transfer)
+        order, finest = self._transfer.order_f, self.whole.grid.resolved_order
+        if finest < order:
             return math.inf
         above, _ = energies_beyond(Lighting(self.known, self._energy), self._transfer)
-        return math.sqrt(above * order / last)  # the energy of rims beyond a degree falls as 1 / l
+        return math.sqrt(
+            above * order / finest
+        )  # the energy of rims beyond a degree falls as 1 / l
 
     def rest(self, last: int | None) -> Probe:
         """Return the light without discs, and with the degrees of this up to the last one, or all.
@@ -237,6 +241,12 @@ def _fading(order: int, last: int) -> Array:
     """Return factors of coefficients that fade out up to a degree, shape ((order+1)^2, 1)."""
     part = np.minimum(degrees(order) / max(last, 1), 1.0)
     return np.asarray(np.cos(np.pi / 2 * part)[:, None] ** 2) if last else np.zeros((1, 1))
+
+
+def _changed(lamp: Lamp, pixels: Array) -> Lighting:
+    """Return what the discs of a lamp change, of which `pixels` are the coefficients."""
+    known = pixels - disc_coefficients(lamp.discs, order_of(len(pixels)))
+    return Lighting(known, np.maximum(_changed_energy(lamp), np.sum(known**2, axis=0)))
 
 
 def _changed_energy(lamp: Lamp) -> Array:

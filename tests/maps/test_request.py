@@ -72,7 +72,8 @@ def test_what_is_given_comes_before_defaults(probe, to):
 def test_an_error_is_asked_for_instead_of_eps(probe):
     for name in ("error", "seen"):
         assert "eps" not in asked("shrm", {name: 0.1}, probe).record(probe)
-    assert asked("principal", {"error": 0.1, "eps": 0.2}, probe).record(probe)["eps"] == 0.2
+    with pytest.raises(ArgumentError, match="`eps` does not apply with `error`, which chooses it"):
+        asked("principal", {"error": 0.1, "eps": 0.2}, probe)
     assert asked("shrm", {}, probe).record(probe)["eps"] == asked("shrm", {}, probe).eps
 
 
