@@ -157,9 +157,8 @@ class Change:
         if finest < order:
             return math.inf
         above, _ = energies_beyond(Lighting(self.known, self._energy), self._transfer)
-        return math.sqrt(
-            above * order / finest
-        )  # the energy of rims beyond a degree falls as 1 / l
+        # The energy of rims beyond a degree falls as the inverse of the degree.
+        return math.sqrt(above * order / finest)
 
     def rest(self, last: int | None) -> Probe:
         """Return the light without discs, and with the degrees of this up to the last one, or all.
