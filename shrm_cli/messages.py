@@ -270,11 +270,10 @@ def check_call(function: Callable[..., Any], /, *values: Any, **named: Any) -> N
 
 def known_arguments(function: Function) -> Function:
     """Return a function that refuses arguments that it does not have in an `ArgumentError`."""
-    signature = inspect.signature(function)
 
     @functools.wraps(function)
     def refusing(*values: Any, **named: Any) -> Any:
-        _bound(function, signature, values, named)
+        _bound(function, inspect.signature(function), values, named)
         return function(*values, **named)
 
     return cast(Function, refusing)

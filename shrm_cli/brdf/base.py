@@ -365,6 +365,12 @@ class Brdf(ABC):
         return f"{self.name}:{inside}" if inside else self.name
 
 
+def check_finite(values: ArrayLike, of: Brdf | str) -> None:
+    """Raise a `BrdfError` if values of a BRDF, or of what messages call so, are not finite."""
+    if not np.isfinite(values).all():
+        raise BrdfError(f"{of}: its value is not finite everywhere")
+
+
 def _of_vectors(evaluate: Callable[[Any, Array, Array], Array]) -> Callable[..., Array]:
     """Return the method of a subclass, which gets vectors, whatever it is called with."""
 

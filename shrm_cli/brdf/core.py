@@ -3,7 +3,7 @@
 import numpy as np
 
 from shrm_cli.arrays import Array
-from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.base import Brdf, check_finite
 from shrm_cli.brdf.sums import joined, weighted_terms
 from shrm_cli.errors import BrdfError
 from shrm_cli.records import record
@@ -97,8 +97,7 @@ def _core(brdf: Brdf, theta: float) -> tuple[float, float]:
         light = tilted_frame(from_angles(_ANGLES[:, None], phi), np.asarray(tilt))
         view = from_angles(np.asarray(theta - tilt), np.asarray(0.0))
         values = brdf.transfer(turned(light, brush), turned(view, brush)).sum(axis=-1)
-        if not np.isfinite(values).all():
-            raise BrdfError(f"{brdf!r}: its value is not finite everywhere")
+        check_finite(values, brdf)
         if values.any():
             if values.max() <= 0:
                 raise BrdfError(f"{brdf!r}: its value is negative wherever it is not 0")

@@ -4,9 +4,8 @@ import numpy as np
 
 from shrm_cli.arrays import Array, relative_rms
 from shrm_cli.brdf.albedo import ACCURACY, directional_albedo
-from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.base import Brdf, check_finite
 from shrm_cli.brdf.spec import AnyBrdf, as_brdf
-from shrm_cli.errors import BrdfError
 from shrm_cli.messages import whole_number
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import from_angles, normalize, reflect
@@ -71,14 +70,12 @@ def examine(brdf: AnyBrdf, seed: int = 0) -> Examination:
     there, back = _values(brdf, light, view), _values(brdf, view, light)
     mirrored = _values(brdf, reflect(view, np.array([0.0, 0.0, 1.0])), view)
     everything = np.concatenate([there, back, mirrored])
-    if not np.isfinite(everything).all():
-        raise BrdfError(f"{brdf!r}: its value is not finite everywhere")
+    check_finite(everything, brdf)
     size = np.mean(there**2 + back**2) / 2
     error = relative_rms(np.mean((there - back) ** 2), size)
     angles = ANGLES + _GRAZING
     albedos = np.stack([directional_albedo(brdf, np.radians(angle)) for angle in angles])
-    if not np.isfinite(albedos).all():
-        raise BrdfError(f"{brdf!r}: its value is not finite everywhere")
+    check_finite(albedos, brdf)
     most = int(np.argmax(albedos.max(axis=1)))
     return Examination(
         everything.min(axis=0), everything.max(axis=0), albedos[: len(ANGLES)],

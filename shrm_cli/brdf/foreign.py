@@ -11,7 +11,7 @@ from functools import cache
 import numpy as np
 
 from shrm_cli.arrays import Array
-from shrm_cli.brdf.base import Brdf, Value
+from shrm_cli.brdf.base import Brdf, Value, check_finite
 from shrm_cli.errors import BrdfError, ShrmWarning
 from shrm_cli.messages import explained
 from shrm_cli.sphere.directions import from_angles, reflect, tilted_frame, turned
@@ -113,8 +113,7 @@ def _pairs(is_fibre: bool) -> tuple[Array, Array]:
 
 def _check_range(values: Array, where: str) -> None:
     """Refuse values that are not finite or wholly negative; warn of those that partly are."""
-    if not np.isfinite(values).all():
-        raise BrdfError(f"{where}: its value is not finite everywhere")
+    check_finite(values, where)
     least, most = values.min(axis=0), float(values.max())
     if most <= 0 and least.min() < 0:
         raise BrdfError(f"{where}: its value is negative; a BRDF is 0 at least")

@@ -7,9 +7,8 @@ from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf import polar_rule
-from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.base import Brdf, check_finite
 from shrm_cli.brdf.coefficients import FIRST_ORDER_F, ExpandedLobes, both_signs, power_of_two_times
-from shrm_cli.errors import BrdfError
 from shrm_cli.progress import at_once
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import from_angles, tilted_frame, turned
@@ -185,8 +184,7 @@ class LobeExpander:
         assert sums is not None
         energy = np.tensordot(weights, sums.squares, 1)
         energies = energy[..., 0], np.tensordot(coarse_weights, sums.coarse_squares, 1)
-        if not np.isfinite(energies[0].sum() + energies[1].sum()):
-            raise BrdfError(f"{self.brdf!r}: its value is not finite everywhere")
+        check_finite(energies[0].sum() + energies[1].sum(), self.brdf)
         table, coarse_table = self._table(count)
         values = self._projected(table, sums.waved[..., : len(self._orders)])
         by_theta = values - self._projected(coarse_table, sums.coarse)

@@ -33,12 +33,11 @@ import numpy as np
 
 from shrm_cli import progress
 from shrm_cli.arrays import Array, Indices, relative_difference, slices
-from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.base import Brdf, check_finite
 from shrm_cli.brdf.lobe import cuts_horizon
 from shrm_cli.brdf.lobe_expansion import axis_widths, lobe_width
 from shrm_cli.brdf.polar_rule import PolarRule, SplitRule
 from shrm_cli.brdf.sums import Sum
-from shrm_cli.errors import BrdfError
 from shrm_cli.progress import in_order
 from shrm_cli.records import record
 from shrm_cli.sphere.directions import from_angles, local_frame, to_angles
@@ -251,8 +250,7 @@ class ProductQuadrature:
         """
         parts = [self._block(views[part], order) for part in self.blocks(len(views))]
         coefficients, energy = (np.concatenate(part) for part in zip(*parts, strict=True))
-        if not np.isfinite(energy.sum()):
-            raise BrdfError(f"{self.brdf!r}: its value is not finite everywhere")
+        check_finite(energy.sum(), self.brdf)
         return coefficients, energy
 
     def fine_enough(self, order: int) -> Self:

@@ -49,9 +49,9 @@ class _Shape:
     """The RMS of what is reflected of it."""
 
     @classmethod
-    def of(cls, lamp: Lamp, pixels: Array, transfer: TransferFunctions) -> Self:
-        """Return the shape of a lamp whose pixels have these coefficients."""
-        return cls(lamp, reflected_rms(_changed(lamp, pixels), transfer))
+    def of(cls, lamp: Lamp, changed: Lighting, transfer: TransferFunctions) -> Self:
+        """Return the shape of a lamp whose discs change this."""
+        return cls(lamp, reflected_rms(changed, transfer))
 
     @property
     def count(self) -> int:
@@ -77,10 +77,10 @@ class Change:
     ) -> None:
         self.split, self.whole, self.pixels = split, whole, pixels
         self._transfer, self._of_lamps = transfer, of_lamps
-        lights = list(map(_changed, split.lamps, of_lamps))
-        self.known = np.sum([light.coefficients for light in lights], axis=0)
+        self._each = list(map(_changed, split.lamps, of_lamps))
+        self.known = np.sum([light.coefficients for light in self._each], axis=0)
         known = np.sum(self.known**2, axis=0)
-        self._energy = np.maximum(np.sum([light.energy for light in lights], axis=0), known)
+        self._energy = np.maximum(np.sum([light.energy for light in self._each], axis=0), known)
 
     @classmethod
     def of(cls, split: LampSplit, transfer: TransferFunctions) -> Self:
@@ -119,10 +119,10 @@ class Change:
         amplitudes = blur_amplitudes(self._transfer)
         return [
             (
-                [_Shape.of(lamp, pixels, self._transfer)],
+                [_Shape.of(lamp, changed, self._transfer)],
                 fitted_discs(_fine_light(lamp), amplitudes, MOST_OF_LAMP),
             )
-            for lamp, pixels in zip(self.split.lamps, self._of_lamps, strict=True)
+            for lamp, changed in zip(self.split.lamps, self._each, strict=True)
         ]
 
     def _until(self, index: int, enough: float) -> list[_Shape]:
@@ -135,7 +135,8 @@ class Change:
             discs = next(further, None)
             if discs is None:
                 break
-            found.append(_Shape.of(replace(lamp, discs=discs), pixels, self._transfer))
+            finer = replace(lamp, discs=discs)
+            found.append(_Shape.of(finer, _changed(finer, pixels), self._transfer))
         return [first, *(each for each in found if each.error <= _LEFT * first.error)]
 
     def beyond(self, last: int) -> Lighting:

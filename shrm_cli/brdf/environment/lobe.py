@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from shrm_cli.arrays import Array
-from shrm_cli.brdf.base import Brdf, Parameter, Value, grey
+from shrm_cli.brdf.base import Brdf, Parameter, Value, check_finite, grey
 from shrm_cli.brdf.core import Core
 from shrm_cli.errors import BrdfError
 from shrm_cli.sphere.quadrature import gauss_legendre
@@ -99,8 +99,7 @@ class MaterialLobe(NormalLobe):
         self.values: dict[str, Value] = dict(material.values)
         self._factor = 1.0
         whole = self._whole()
-        if not np.isfinite(whole):
-            raise BrdfError(f"{material!r}: its value is not finite everywhere")
+        check_finite(whole, material)
         if whole <= 0:
             less = "less than " if whole < 0 else ""
             raise BrdfError(f"{material!r}: along the normal it reflects {less}nothing")

@@ -7,11 +7,10 @@ from numpy.typing import ArrayLike
 
 from shrm_cli import progress
 from shrm_cli.arrays import Array, slices
-from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.base import Brdf, check_finite
 from shrm_cli.brdf.cache import remembered
 from shrm_cli.brdf.environment.lobe import MaterialLobe
 from shrm_cli.brdf.vectors import GRAZING
-from shrm_cli.errors import BrdfError
 from shrm_cli.sphere.quadrature import gauss_legendre
 
 _TABLE = 129  # nodes in N.V
@@ -121,8 +120,7 @@ def material_albedo(brdf: Brdf, cosines: ArrayLike) -> Array:
         found[open_views] = finer
         is_open = (change > _ENOUGH * np.maximum(np.abs(finer), 1)).any(axis=1)
         open_views = open_views[is_open]
-    if not np.isfinite(found).all():
-        raise BrdfError(f"{brdf!r}: its value is not finite everywhere")
+    check_finite(found, brdf)
     return found
 
 

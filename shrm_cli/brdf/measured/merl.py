@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
-from shrm_cli.brdf.base import Brdf, Value
+from shrm_cli.brdf.base import Brdf, Value, check_finite
 from shrm_cli.brdf.measured import MeasuredBrdf
 from shrm_cli.brdf.measured.reading.file import LARGEST, check_file, file_values, readable
 from shrm_cli.brdf.vectors import from_half_angles, half_angles, interpolated_along
@@ -115,8 +115,7 @@ def write_merl(path: str | os.PathLike[str], brdf: Brdf) -> None:
     for row in range(CELLS[0]):
         light, view = cell_directions(row)
         mean = (_reflectance(brdf, light, view) + _reflectance(brdf, view, light)) / 2
-        if not np.isfinite(mean).all():
-            raise BrdfError(f"{brdf!r}: its value is not finite everywhere")
+        check_finite(mean, brdf)
         above = (light[..., 2] > 0) & (view[..., 2] > 0)
         cells[row] = np.where(above[..., None], np.maximum(mean, 0) / SCALE, _INVALID)
     with replacing(path) as temporary, open(temporary, "wb") as stream:

@@ -35,7 +35,7 @@ from typing import Any, get_args
 import numpy as np
 
 from shrm_cli.arrays import Array
-from shrm_cli.brdf.base import Brdf
+from shrm_cli.brdf.base import Brdf, check_finite
 from shrm_cli.brdf.lobe import cuts_horizon
 from shrm_cli.brdf.measured import MeasuredBrdf
 from shrm_cli.brdf.measured.reading.file import check_file, file_values
@@ -178,8 +178,7 @@ def sample_table(brdf: Brdf, shape: tuple[int, int, int] = SHAPE) -> Table:
         if cut:
             light, view = _lifted(light), _lifted(view)
         values[row] = brdf.evaluate(light, view)
-    if not np.isfinite(values).all():
-        raise BrdfError(f"{brdf!r}: its value is not finite everywhere")
+    check_finite(values, brdf)
     settings = TableSettings(brdf.center, brdf.includes_cosine, brdf.has_horizon, repr(brdf))
     return Table(values, axes, settings)
 
