@@ -21,7 +21,7 @@ from shrm_cli.lights.pixels import SpherePixels, near
 from shrm_cli.lights.search import LARGEST, find_regions
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
 from shrm_cli.messages import whole_number
-from shrm_cli.probe.disc import Disc, disc_coefficients
+from shrm_cli.probe.disc import Disc, disc_coefficients, radius_of, zonal_of_discs
 from shrm_cli.probe.image import ArrayImage
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.open import AnyProbe, as_probe
@@ -147,6 +147,9 @@ class LampSplit(Displayed):
         """How far the irradiance of residual and discs is from that of the probe."""
         order = order_on(self.probe.grid)
         before = project(self.probe, order).coefficients
+        for lamp in self.lamps:
+            points = light_coefficients(lamp.light, order)
+            before = before + (_widening(lamp.light, order) - 1) * points
         after = project(self.residual_probe, order).coefficients
         return prove(before, after, self.discs)
 
@@ -293,7 +296,21 @@ def _fitted(candidates: list[_Candidate], most: float, radius: float | None) -> 
 
 
 def _wrong(light: Light, discs: Sequence[Disc], order: int) -> Array:
-    return light_coefficients(light, order) - disc_coefficients(discs, order)
+    pixels = _widening(light, order) * light_coefficients(light, order)
+    return pixels - disc_coefficients(discs, order)
+
+
+def _widening(light: Light, order: int) -> Array:
+    """Return what coefficients at points are multiplied by for pixels, ((order+1)^2, 1).
+
+    A pixel is a disc of the mean area. That of a probe of 32 rows has a radius of 3 degrees, and a
+    surface that it grazes sees a part of it: as a point it would be no lamp, because a disc in its
+    place changes the irradiance by more than the error that is allowed.
+    """
+    area = np.full(1, light.areas.mean())
+    zonal = zonal_of_discs(order, np.array([radius_of(float(area[0]))]), area)[:, 0]
+    wider = zonal / zonal[0] / np.sqrt(2 * np.arange(order + 1) + 1)
+    return np.asarray(wider[degrees(order), None])
 
 
 def _halves(light: Light) -> list[Light]:

@@ -53,6 +53,27 @@ def test_a_disc_is_recovered(layout, place):
     assert split.proof.rms < 1e-3
 
 
+@pytest.mark.parametrize("rows", [16, 32, 64])
+def test_a_single_large_pixel_is_a_lamp(rows):
+    """Against sums over 64 parts of the pixel, which as a point differs from them by .2 %."""
+    image = np.zeros((rows, 2 * rows, 3))
+    row, column = rows // 3, rows // 2
+    image[row, column] = LIGHT
+    split = split_lamps(Probe.from_array(image))
+    ((disc,),) = [lamp.discs for lamp in split.lamps]
+    assert not split.residual.any()
+    inside = np.s_[8 * row : 8 * row + 8, 8 * column : 8 * column + 8]
+    parts = oracles.latlong_pixels(16 * rows, 8 * rows)[inside].reshape(-1, 3)
+    areas = np.hypot(parts[:, 0], parts[:, 2]) * (np.pi / rows / 8) ** 2
+    normals = spiral_directions(500)
+    expected = np.maximum(normals @ parts.T, 0) @ areas
+    around, weights = oracles.disc_rule(disc.direction, disc.radius)
+    found = np.maximum(normals @ around.T, 0) @ weights
+    wrong = np.sqrt(np.mean((found - expected) ** 2) / np.mean(expected**2))
+    assert wrong < 2e-3
+    assert split.lamps[0].error < 1e-3
+
+
 @pytest.mark.parametrize("elevation", [4.0, 28.7, 88.0])
 def test_the_sun_of_a_sky(elevation):
     """Its direction and its irradiance are known exactly; pixels are larger than it."""
