@@ -310,7 +310,7 @@ def error_lines(result: dict[str, Any], added_by: str) -> list[str]:
     error of the map, in words.
     """
     captured, bound = result["brdf_energy_captured"], result["error_bound"]
-    energy = f"{captured:.2%} captured, {1 - result['epsilon']:.2%} asked"
+    energy = f"{captured:.2%} captured"
     if "+" in result["center"]:
         energy = f"{captured:.2%} captured by the terms, whose error together is that of one map"
     if result["domain"] == "angular":

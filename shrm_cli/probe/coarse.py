@@ -29,7 +29,8 @@ from shrm_cli.sphere.grid.latlong import LatLong, sample_latlong_cubic
 from shrm_cli.vocabulary import COARSE_ROWS
 
 if TYPE_CHECKING:
-    from shrm_cli.probe.light_sum import LightSum
+    from shrm_cli.probe.light_sum import LightSum, SumImage
+    from shrm_cli.probe.nonnegative import PositivePart
 
 _BEYOND = 1e-4
 """The part of the light's energy that its degrees may miss or have too much: 1 % as RMS."""
@@ -99,7 +100,8 @@ def _fine_sum(light: "LightSum") -> "LightSum":
     """Return a sum of the same lights, whose probes are fine."""
     image = light.image_of_sum
     probes = [_refined(term.probe, image.fine_rows) for term in light.terms]
-    if all(fine is term.probe for fine, term in zip(probes, light.terms, strict=True)):
+    is_fine = all(fine is term.probe for fine, term in zip(probes, light.terms, strict=True))
+    if is_fine and image.positive_part is None:
         return light
     terms = []
     for fine, term in zip(probes, light.terms, strict=True):
@@ -108,7 +110,24 @@ def _fine_sum(light: "LightSum") -> "LightSum":
             term = replace(term, probe=replace(fine, report=said))
         terms.append(term)
     image = replace(image, terms=tuple(terms))
+    if image.positive_part is not None:
+        image = _without_negatives(image, image.positive_part)
     return replace(light, image_of_sum=image, images=(image,))
+
+
+def _without_negatives(image: "SumImage", part: "PositivePart") -> "SumImage":
+    """Return a sum whose series, which is negative somewhere, is a probe of what pixels show."""
+    from shrm_cli.probe.light_sum import Term
+
+    grid = LatLong(image.height)
+    pixels = part.at(grid.directions().reshape(-1, 3)).reshape(*grid.shape, 3)
+    probe = Probe(
+        image.name, grid, "latlong", None, np.eye(3), PixelPolicy(),
+        image.terms[0].probe.chromaticities if image.terms else None,
+        (_Parts(pixels.astype(np.float32), image.name, ()),),
+    )  # fmt: skip
+    terms = (*image.terms, Term(probe, np.ones(3)))
+    return replace(image, terms=terms, series=None, notes=(*image.notes, part.told))
 
 
 def _over_rim(image: Array, used: NDArray[np.bool_]) -> Array:

@@ -2,7 +2,8 @@
 
 Harmonic coefficients of a sum are sums, so that discs and light that is given by its coefficients
 are exact there (`shrm_cli.probe.lighting`). What needs pixels gets those of a lat-long, on which
-the light of each disc is spread over the pixels that it covers.
+the light of each disc is spread over the pixels that it covers, and a series is negative nowhere
+(`shrm_cli.probe.nonnegative`).
 """
 
 from collections.abc import Iterator, Mapping
@@ -14,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.arrays import Array, slices
+from shrm_cli.arrays import Array
 from shrm_cli.color import conversion, same_primaries, title_of
 from shrm_cli.errors import ProbeError
 from shrm_cli.probe.disc import Disc, disc_rows
@@ -25,14 +26,13 @@ from shrm_cli.probe.resample import to_grid
 from shrm_cli.progress import using
 from shrm_cli.records import record
 from shrm_cli.sphere.grid.latlong import LatLong
-from shrm_cli.sphere.harmonics import order_of, real_harmonics
+from shrm_cli.sphere.harmonics import order_of
 from shrm_cli.vocabulary import COARSE_ROWS, MAX_ORDER_F
 
 if TYPE_CHECKING:
+    from shrm_cli.probe.nonnegative import PositivePart
     from shrm_cli.probe.proxy import ProxyBox
 
-_VALUES_AT_ONCE = 2**22
-"""Values of harmonics in memory at a time."""
 _LEAST_ROWS, _MOST_ROWS = 512, 2048
 """The range of the rows of the lat-long; within it, those of the finest probe are taken."""
 
@@ -149,6 +149,20 @@ class SumImage:
         recipe = self.recipe + np.asarray(matrix, dtype=float).tobytes()
         return replace(self, recipe=recipe, terms=terms, discs=discs, series=series)
 
+    @cached_property
+    def positive_part(self) -> "PositivePart | None":
+        """What pixels show in place of a series that is negative somewhere."""
+        if self.series is None:
+            return None
+        from shrm_cli.probe.nonnegative import without_negatives  # few lights are coefficients
+
+        return without_negatives(self.series)
+
+    def told_of_pixels(self) -> tuple[str, ...]:
+        """Return a line about what pixels show, if any were asked for."""
+        part = self.positive_part if "_pixels_and_overlaps" in vars(self) else None
+        return () if part is None else (part.told,)
+
     def read(self, start: int, stop: int) -> Array:
         return self._pixels_and_overlaps[0][start:stop].copy()
 
@@ -187,11 +201,11 @@ class SumImage:
             for start, coverage in disc_rows(disc, self.height):
                 yield start, coverage[..., None] * disc.radiance
         if self.series is not None:
-            order = order_of(len(self.series))
-            directions = grid.directions()
-            at_once = _VALUES_AT_ONCE // (self.width * len(self.series))
-            for rows in slices(self.height, at_once):
-                yield rows.start, real_harmonics(order, directions[rows]) @ self.series
+            from shrm_cli.probe.nonnegative import radiance_of
+
+            directions, part = grid.directions().reshape(-1, 3), self.positive_part
+            light = radiance_of(self.series, directions) if part is None else part.at(directions)
+            yield 0, light.reshape(*grid.shape, 3)
 
 
 @record(eq=False)
@@ -242,7 +256,8 @@ class LightSum(Probe):
     @property
     def may_be_coarse(self) -> bool:
         rows = self.image_of_sum.fine_rows
-        return any(term.probe.grid.resolution < rows for term in self.terms)
+        is_coarse = any(term.probe.grid.resolution < rows for term in self.terms)
+        return is_coarse or self.image_of_sum.positive_part is not None
 
     @property
     def paths(self) -> list[Path]:
@@ -259,7 +274,8 @@ class LightSum(Probe):
     def tell_warnings(self) -> None:
         """Take what the pixels of the probes needed, which have been read, into the report."""
         of_probes = (line for term in self.terms for line in term.probe.warnings())
-        self.report.notes = (*self.image_of_sum.notes, *of_probes)
+        image = self.image_of_sum
+        self.report.notes = (*image.notes, *image.told_of_pixels(), *of_probes)
 
 
 def _facts_of(disc: Disc) -> dict[str, Any]:

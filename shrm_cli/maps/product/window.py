@@ -31,7 +31,7 @@ _FRAMES = 1024
 _VIEWS = 40
 """The views of each of them, all over the hemisphere."""
 _LEAST_COSINE = 0.05
-"""The least N.V of these views: a hundredth of a sphere's picture lies beyond."""
+"""The least N.V of these views: a four-hundredth of a sphere's picture lies beyond."""
 _PLACES = 0.0, 0.5, 1.0
 """Where on their ways parameters that vary are looked at."""
 _GOLDEN = np.pi * (3 - np.sqrt(5))
