@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array, slices
+from shrm_cli.errors import MeshError
 from shrm_cli.geometry.mesh import Integers
 from shrm_cli.geometry.rays import Rays
 from shrm_cli.progress import Progress, tell
@@ -29,7 +30,8 @@ _SAMPLES = 32
 """Points on lamps that a patch looks for."""
 _BOUNCES = 100
 _LOST = 1e-4
-"""Light of which no more than this part changes is no longer sent on."""
+"""Light of which no more than this part is left is no longer sent on. Rooms that lose no more of it
+at a bounce have light without end."""
 _AT_ONCE = 2**11
 """Patches at a time."""
 LIFT = 1e-5
@@ -134,15 +136,24 @@ class Brightness:
         sent[:-1] = albedo / np.pi * lit
         total = sent.copy()
         for _ in range(_BOUNCES):
+            before = sent.sum(axis=0)
             arriving = np.empty_like(lit)
             for part in slices(len(met), _AT_ONCE):
                 for channel in range(3):  # numpy is slow along axes of three
                     arriving[part, channel] = sent[:, channel].take(met[part]).mean(axis=1)
             sent[:-1] = albedo * arriving
             total += sent
-            if sent.sum() <= _LOST * total.sum():
+            # Light that has gone to and fro falls by the same part at each bounce.
+            kept = sent.sum(axis=0) / np.maximum(before, np.finfo(float).tiny)
+            left = kept / np.maximum(1 - kept, _LOST)
+            if (sent.sum(axis=0) * left <= _LOST * total.sum(axis=0)).all():
                 break
-        return total
+        if (kept > 1 - _LOST).any():
+            raise MeshError(
+                "the walls reflect all light, which grows without end where none is lost; give "
+                "them a lower `albedo`"
+            )
+        return np.asarray(total + sent * left)
 
     def look(
         self, origins: Array, directions: Array, emitters: Emitters, dense: Array | float

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from shrm_cli.errors import MeshError
 from shrm_cli.geometry.rays import Rays
 from shrm_cli.probe.disc import Disc
 from shrm_cli.probe.probe import Probe
@@ -57,6 +58,22 @@ def test_a_furnace_is_equally_bright_everywhere(rng):
     np.testing.assert_allclose(found, np.broadcast_to(expected, found.shape), rtol=1e-2)
     assert grid.facts["error"] < 5e-3
     assert grid.alive.all()
+
+
+@pytest.mark.parametrize("albedo", [0.0, 0.5, 0.97, 0.995])
+def test_light_goes_on_until_little_is_left(albedo):
+    """Of white walls that send 1, by L = 1 / (1 - a); a hundred bounces left out a half."""
+    room = shapes.room([shapes.box([-1, -1, -1], [1, 1, 1])], [[albedo] * 3], [[1, 1, 1]])
+    radiance = Brightness(room, Rays(room.mesh), 1.0).radiance[:-1]
+    expected = albedo / (1 - albedo)
+    np.testing.assert_allclose(radiance, expected, rtol=0.02)
+    np.testing.assert_allclose(radiance.mean(axis=0), expected, rtol=2e-3)
+
+
+def test_walls_that_lose_no_light_are_refused():
+    room = shapes.room([shapes.box([-1, -1, -1], [1, 1, 1])], [[0.5, 1.0, 0.5]], [[1, 1, 1]])
+    with pytest.raises(MeshError, match=r"^the walls reflect all light.* lower `albedo`$"):
+        Brightness(room, Rays(room.mesh), 1.0)
 
 
 def rectangle_factor(point, normal, corners):
