@@ -96,6 +96,7 @@ def transfer(
       shrm transfer bunny.obj --order 2 -o bounce0.txt
     """
     from shrm_cli.transfer.bake import bake, transfer_plan
+    from shrm_cli.transfer.between import error_between, remarks
     from shrm_cli.transfer.file import FACES, WRITERS, write_transfer
 
     matrices = matrices or brdf is not None
@@ -116,36 +117,52 @@ def transfer(
     )  # fmt: skip
     if not (force or output):
         _keep_other(target, plan)
-    found, texels = plan.mesh, plan.sites.texels
-    sites = f"{len(plan.sites.positions):,} {'vertices' if texels is None else 'texels'}"
-    beside_it = f"{plan.size():,} bytes beside the output while it works"
-    announce([f"{mesh}: {sites}, order {plan.order}; {beside_it}"])
+    found, beside_it = plan.mesh, f"{plan.size():,} bytes beside the output while it works"
+    announce([f"{mesh}: {_sites(plan)}, order {plan.order}; {beside_it}"])
 
     def write(baked: Transfer) -> dict[str, Any]:
         if suffix == ".npz":
             write_transfer(target, baked, found)
         else:
             WRITERS[suffix](target, found, baked)
-        return baked.summary()
+        if plan.texture is not None:
+            return baked.summary()
+        direct = baked.vectors if baked.direct is None else baked.direct
+        return {**baked.summary(), "error_between": error_between(found, direct)}
 
     unchanged = [] if force else [*beside, *([] if output else [target])]
     with progress_bar("tracing") as progress, keeping(*unchanged):
         said = bake(plan, keep=target, use=write, progress=progress)
-    kinds = "vectors and matrices" if matrices else "vectors"
+    lines = _report(target, plan, said)
+    warnings = _missing(found) if albedo in (None, "mesh") and brdf is None else []
+    warnings += remarks(found, said.get("error_between", 0.0))
     size = Path(target).stat().st_size
-    of = f"{len(found.file_rows):,} in the file"
+    conclude({"file": target, **said, "bytes": size}, lines, warnings)
+
+
+def _sites(plan: Plan) -> str:
+    """Return how many vertices or texels there are, in words."""
+    of = "vertices" if plan.sites.texels is None else "texels"
+    return f"{len(plan.sites.positions):,} {of}"
+
+
+def _report(target: str, plan: Plan, said: dict[str, Any]) -> list[str]:
+    """Return lines about what was written, of which the summary is given."""
+    texels = plan.sites.texels
+    of = f"{len(plan.mesh.file_rows):,} in the file"
     if texels is not None:
         of = "a texture of {1} x {0}".format(*texels.rows.shape)
+    kinds = "vectors and matrices" if plan.glossy else "vectors"
     lines = [
-        f"{target}: transfer {kinds} of {sites}, of {of}, order {plan.order}, "
-        f"{bounces} bounces, {size:,} bytes",
+        f"{target}: transfer {kinds} of {_sites(plan)}, of {of}, order {plan.order}, "
+        f"{plan.bounces} bounces, {Path(target).stat().st_size:,} bytes",
     ]
-    if suffix == ".npz":  # others hold none
-        lines.append(
-            f"  albedo         {', '.join(f'{each:g}' for each in said['albedo'])} on average"
-        )
-    warnings = _missing(found) if albedo in (None, "mesh") and brdf is None else []
-    conclude({"file": target, **said, "bytes": size}, lines, warnings)
+    if Path(target).suffix.lower() == ".npz":  # others hold none
+        average = ", ".join(f"{each:g}" for each in said["albedo"])
+        lines.append(f"  albedo         {average} on average")
+    if "error_between" in said:
+        lines.append(f"  between them   {said['error_between']:.1%} RMS error of the light")
+    return lines
 
 
 def _checked_suffix(target: str, matrices: bool, texture: int | None) -> str:

@@ -3,6 +3,7 @@
 import hashlib
 import json
 import os
+import warnings
 from collections.abc import Callable
 from contextlib import nullcontext
 from functools import cached_property
@@ -14,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from shrm_cli.arrays import Array
 from shrm_cli.brdf.spec import AnyBrdf, as_brdf
-from shrm_cli.errors import ArgumentError
+from shrm_cli.errors import ArgumentError, ShrmWarning
 from shrm_cli.geometry.mesh import Mesh
 from shrm_cli.geometry.paint import Paint, linear_colors, points_of
 from shrm_cli.geometry.rays import Rays
@@ -280,6 +281,11 @@ def transfer(
     ------
     ArgumentError, MeshError
 
+    Warns
+    -----
+    ShrmWarning
+        Where light between vertices is off, as the triangles are large beside their shadows.
+
     Examples
     --------
     >>> corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
@@ -288,8 +294,16 @@ def transfer(
     >>> shrm.transfer("triangle.obj", order=1, samples=16).summary()["vertices"]
     3
     """
+    from shrm_cli.transfer.between import error_between, remarks
+
     check_call(transfer_plan, mesh, **arguments)
-    return bake(transfer_plan(mesh, **arguments), progress=progress)
+    plan = transfer_plan(mesh, **arguments)
+    made: Transfer = bake(plan, progress=progress)
+    if plan.texture is None:
+        direct = made.vectors if made.direct is None else made.direct
+        for line in remarks(plan.mesh, error_between(plan.mesh, direct)):
+            warnings.warn(line, ShrmWarning, stacklevel=2)
+    return made
 
 
 def mesh_digest(vertices: Array, faces: NDArray[np.integer]) -> str:

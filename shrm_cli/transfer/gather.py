@@ -44,6 +44,7 @@ must be fixed for interreflection.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -107,10 +108,9 @@ class Sites:
 
 def sites_of(mesh: Mesh, texture: int | None = None) -> Sites:
     """Return the vertices of a mesh, or the texels of a texture over it."""
-    lift = OFFSET * float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
     if texture is None:
         inset = INSET * _ways_inwards(mesh.vertices, mesh.normals, mesh.faces)
-        origins = mesh.vertices + lift * mesh.normals + inset
+        origins = mesh.vertices + _lift(mesh) * mesh.normals + inset
         own = np.empty(len(mesh.vertices), np.int64)
         own[mesh.faces] = np.arange(len(mesh.faces))[:, None]
         corner = (mesh.faces[own] == np.arange(len(own))[:, None]).astype(float)
@@ -120,22 +120,32 @@ def sites_of(mesh: Mesh, texture: int | None = None) -> Sites:
             own, corner, mesh.sides(own) / 2,
         )  # fmt: skip
     found = charted(mesh, texture)
-    points = found.faces, found.weights
-    smooth = mesh.interpolated(mesh.normals, *points)
+    sites = sites_at(mesh, found.faces, found.weights)
+    rows = _beside(found.rows, sites.positions, _enclosed(mesh, sites.origins, sites.normals))
+    texels = Texels(rows, found.texcoords, sites.positions)
+    steps = texels.steps(mesh, found.faces)
+    return replace(sites, places=texels.places, steps=steps, texels=texels)
+
+
+def sites_at(mesh: Mesh, faces: NDArray[np.int64], weights: Array) -> Sites:
+    """Return points of triangles, shape (n,), at barycentric weights, shape (n, 3)."""
+    smooth = mesh.interpolated(mesh.normals, faces, weights)
     # Normals may cancel between the two sides of a sheet; that of a corner is a direction always.
-    first = mesh.normals[mesh.faces[found.faces, found.weights.argmax(axis=1)]]
+    first = mesh.normals[mesh.faces[faces, weights.argmax(axis=1)]]
     normals = normalize(
         np.where(np.einsum("vi,vi->v", smooth, smooth)[:, None] > 1e-12, smooth, first)
     )
-    positions = mesh.interpolated(mesh.vertices, *points)
-    origins = smooth_points(mesh, *points, normals) + lift * normals
-    rows = _beside(found.rows, positions, _enclosed(mesh, origins, normals))
-    texels = Texels(rows, found.texcoords, positions)
+    origins = smooth_points(mesh, faces, weights, normals) + _lift(mesh) * normals
     return Sites(
-        mesh, positions, normals, origins,
-        texels.places, lambda values: mesh.interpolated(values, *points),
-        *points, texels.steps(mesh, found.faces), texels,
+        mesh, mesh.interpolated(mesh.vertices, faces, weights), normals, origins,
+        lambda faces, weights: (mesh.faces[faces], weights),
+        lambda values: mesh.interpolated(values, faces, weights),
+        faces, weights, mesh.sides(faces) / 2,
     )  # fmt: skip
+
+
+def _lift(mesh: Mesh) -> float:
+    return OFFSET * float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
 
 
 def _enclosed(mesh: Mesh, origins: Array, normals: Array) -> NDArray[np.bool_]:
