@@ -160,6 +160,8 @@ def compare(
     refuse_surface(opened, roughness=roughness, f0=f0, anisotropy=anisotropy, taps=taps)
     loaded, surface, outside = shaded_maps(opened, names, roughness, f0, anisotropy, taps)
     infos = {name: each.info for name, each in zip(names, loaded, strict=True)}
+    if source is not None and brdf is None:  # whose numbers are those of the maps' primaries
+        source = source.in_primaries(loaded[0].info.chromaticities)
     primaries = loaded[0].info.chromaticities if source is None else source.chromaticities
     loaded = in_same_primaries(loaded, primaries)
     baseline: Any = loaded[0]
@@ -178,6 +180,7 @@ def compare(
     comparison = compare_spheres(truth or baseline, others, viewers, size, stages.done, primaries)
     warnings += outside
     warnings += [] if source is None else source.warnings()
-    warnings += differing_origins(infos, label, digest, made_for)
+    reading = None if source is None else source.reading()
+    warnings += differing_origins(infos, label, digest, made_for, reading)
     compared = tuple(names[len(names) - len(others) :])
     return Compared(comparison, compared, truth, made_for, surface, warnings)

@@ -3,6 +3,7 @@
 Maps that are compared or joined must agree in what they were made of, which is told here too.
 """
 
+import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
@@ -129,6 +130,19 @@ class MapInfo:
         from shrm_cli.probe.proxy import ProxyBox
 
         return ProxyBox.read(reading["proxy"])
+
+    def read_otherwise(self, reading: Mapping[str, Any]) -> list[str]:
+        """Return the names of what was done to the probe and is not done here, or otherwise.
+
+        Colours that light is converted to and the box of a room are those of the map itself.
+        """
+        own, here = self._reading(), json.loads(json.dumps(dict(reading)))
+        if not own:  # as of maps that do not record it
+            return []
+        names = {*own, *here} - {"working", "proxy"}
+        return sorted(
+            _READ.get(name, f"`{name}`") for name in names if own.get(name) != here.get(name)
+        )
 
     def _reading(self) -> dict[str, Any]:
         """Return how the probe was read, as far as the map records it."""
@@ -337,8 +351,16 @@ def _found_again(
     raise _Missing(f"{path}: {why}; put the file there, or {advice}")
 
 
+_READ = {"axes": "`yaw`, `pitch`, `roll`, `mirror` or `up`"}
+"""The options that values in records of how probes are read come from, where names differ."""
+
+
 def differing_origins(
-    infos: Mapping[str, MapInfo], probe: str, probe_sha256: str, brdf: Mapping[str, Any]
+    infos: Mapping[str, MapInfo],
+    probe: str,
+    probe_sha256: str,
+    brdf: Mapping[str, Any],
+    reading: Mapping[str, Any] | None = None,
 ) -> list[str]:
     """Return a line for each map that was made from another probe, or for another BRDF.
 
@@ -346,12 +368,18 @@ def differing_origins(
 
     `infos` are the records of maps by the paths of their files. `probe_sha256` is the digest of the
     expected probe's bytes; nothing is compared where it is empty. `brdf` is the expected BRDF, as
-    maps record it; nothing is compared where it is empty.
+    maps record it; nothing is compared where it is empty. `reading` is how that probe is read, as
+    `Probe.reading` returns it; nothing is compared where it is None.
     """
     lines = []
     for path, info in infos.items():
         if probe_sha256 and info.probe_sha256 not in ("", probe_sha256):
             lines.append(f"{path}: its probe is not {probe}")
+        elif reading is not None and (names := info.read_otherwise(reading)):
+            lines.append(
+                f"{path}: {probe} was read otherwise for it ({', '.join(names)}); give the options "
+                "of then"
+            )
         if brdf and info.brdf and not same_brdf(info.brdf, brdf):
             lines.append(f"{path}: its BRDF is {spec_of(info.brdf)}, not {spec_of(brdf)}")
     return lines

@@ -127,7 +127,7 @@ def view(
     opened, notes = lit_maps(opened, names, light, None)
     if light is not None:
         infos = {name: each.info for name, each in zip(names, opened, strict=True)}
-        notes = [*notes, *differing_origins(infos, light.name, light.digest(), {})]
+        notes = [*notes, *differing_origins(infos, light.name, light.digest(), {}, light.reading())]
     if taps is not None:
         check_tap_count(taps, bool(anisotropy))
     surface = surface_of(roughness, f0, opened[0].info.chromaticities if opened else None)

@@ -21,7 +21,7 @@ pytestmark = [
 
 COMMANDS = {
     "quiet about nothing": ("prefilter", "probe.exr", "--brdf", "phong", "-o", "out.exr"),
-    "a warning": ("sun", "lamp.exr", "-o", "out.exr", "--light-file", "out.toml"),
+    "a warning": ("sun", "lamp.exr", "--clamp", "2", "-o", "out.exr", "--light-file", "out.toml"),
     "announced": ("transfer", "mesh.obj", "--samples", "4", "-o", "out.npz"),
     "no file": ("info", "probe.exr"),
     "help": ("--help",),

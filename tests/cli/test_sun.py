@@ -106,11 +106,10 @@ def test_what_is_refused(folder, arguments, code, parts):
 
 def test_a_proof_beyond_the_allowed_error_is_a_warning(folder):
     """A probe of few rows is resampled when it is turned, which its light does not survive."""
-    image = np.full((16, 32, 3), 0.1, np.float32)
-    image[3, 5] = 1e4
+    image = np.random.default_rng(1).uniform(0, 1, (16, 32, 3)).astype(np.float32) ** 4
     write_exr(folder / "small.exr", image)
     found = run("sun", "small.exr", "--yaw", "33", "--pitch", "40")
     assert found.code == 0
-    assert "Warning: small.exr: residual and discs change the irradiance by 2." in found.err
+    assert "Warning: small.exr: residual and discs change the irradiance by " in found.err
     assert "--error" in found.err
     assert "change the irradiance" not in run("sun", "small.exr").err

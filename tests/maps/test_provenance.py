@@ -1,6 +1,7 @@
 """What maps remember of their light and material."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -220,6 +221,25 @@ def test_differing_origins():
         "both: its BRDF is lambertian, not microfacet:sigma=0.1,ior=1.7",
     ]
     assert differing_origins(infos, "that of x.exr", "", {}) == []
+
+
+def test_probes_that_were_read_otherwise_are_told():
+    """Not for the colours that light is converted to, which compare converts, nor for a box."""
+    read = {"layout": "latlong", "sampling": "center"}
+    turned = {**read, "axes": [[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]], "clamp": 2.0}
+    infos = {
+        "same": replace(info(MICROFACET), options={"reading": read}),
+        "turned": replace(info(MICROFACET), options={"reading": turned}),
+        "colours": replace(
+            info(MICROFACET), options={"reading": {**read, "working": [1.0], "proxy": {}}}
+        ),
+        "silent": info(MICROFACET),
+    }
+    assert differing_origins(infos, "x.exr", "f00d", MICROFACET, read) == [
+        "turned: x.exr was read otherwise for it (`clamp`, `yaw`, `pitch`, `roll`, `mirror` or "
+        "`up`); give the options of then"
+    ]
+    assert differing_origins(infos, "x.exr", "f00d", MICROFACET) == []
 
 
 def test_a_record_is_the_same_in_any_order_and_with_greys_as_colours():
