@@ -100,6 +100,48 @@ def test_a_panorama_of_eight_bits_gets_its_sun(folder):
     np.testing.assert_allclose(found, 8 * shadow, rtol=0.02)
 
 
+@pytest.fixture
+def clipped(tmp_path, monkeypatch):
+    """Write a dim sky whose sun was clipped, and return its pixels, shape (32, 64, 3)."""
+    monkeypatch.chdir(tmp_path)
+    sky = np.full((32, 64, 3), 0.2, np.float32)
+    sky[latlong_directions(64, 32) @ SUN > np.cos(0.12)] = 1.0
+    write_exr(tmp_path / "clip.exr", sky)
+    return sky
+
+
+@pytest.mark.parametrize(
+    ("words", "wanted"),
+    [
+        (("--irradiance", "7"), (7, 7, 7)),
+        (("--card", "0.4"), (6.9813, 6.9813, 6.9813)),
+        (("--card", "0.8", "--albedo", "0.36"), (6.9813, 6.9813, 6.9813)),
+        (("--irradiance", "7,6,5"), (7, 6, 5)),
+    ],
+)
+def test_a_reading_is_one_number_or_three(clipped, words, wanted):
+    """One number was refused, because it is a list of one."""
+    made = run("probe", "unclip", "clip.exr", *words, "-o", "a.exr")
+    assert (made.code, made.err) == (0, "")
+    found = irradiance(open_probe("a.exr").image(), np.array([0.0, 1.0, 0.0]))
+    np.testing.assert_allclose(found, wanted, rtol=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (("--card", "0.01"), "--card gives an irradiance that is below the irradiance 0.6"),
+        (("--irradiance", "0.1"), "--irradiance is below the irradiance 0.6"),
+        (("--ratio", "1.001"), "--ratio is below the irradiance 0.6"),
+    ],
+)
+def test_readings_that_are_too_low_are_named_as_they_were_given(clipped, words, line):
+    made = run("probe", "unclip", "clip.exr", *words, "-o", "a.exr")
+    assert made.code == 2
+    assert line in made.err
+    assert "that clip.exr gives already" in made.err
+
+
 def test_photographs_that_differ_are_told(folder):
     write_exr(folder / "a.exr", photograph(waves, direction(0), SIZE))
     write_exr(folder / "b.exr", photograph(lambda d: waves(3 * d[:, ::-1]), direction(90), SIZE))
