@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from shrm_cli.arrays import Array
 from shrm_cli.color import title_of, xyz_matrix
 from shrm_cli.lights.beside import MUCH, SMALL
-from shrm_cli.lights.clipping import Plateau, largest_radiance, suspicion
+from shrm_cli.lights.clipping import Plateau, given_radiance, largest_radiance, suspicion
 from shrm_cli.lights.lamp import Lamp
 from shrm_cli.lights.split import light_coefficients, split_lamps
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
@@ -181,7 +181,9 @@ def probe_statistics(probe: AnyProbe, lamps: int = 3) -> ProbeStatistics:
         white_balance=mean / mean[1] if mean[1] > _LEAST_GREEN * mean.max() else None,
         direction=direction,
         directionality=directionality,
-        clipped=suspicion(gathered.plateaus, pixel, mean, largest_radiance(probe)),
+        clipped=suspicion(
+            gathered.plateaus, pixel, mean, largest_radiance(probe), given_radiance(probe)
+        ),
         primaries="not stated; taken for Rec.709" if stated is None else title_of(stated),
         lamps=found[:lamps],
         lamp_shares=tuple(float(to_xyz[1] @ lamp.light.flux) / total for lamp in found[:lamps]),

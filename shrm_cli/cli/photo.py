@@ -250,7 +250,10 @@ def unclip(
         f"  lamp           at {azimuth:z.1f}, {elevation:z.1f}, {made.solid_angle:.3g} sr: "
         f"times {times}"
     ]
-    recipe = {"probe": "unclip", "source": Path(source).name, "factors": made.factors.tolist()}
+    recipe = {
+        "probe": "unclip", "source": Path(source).name, "factors": made.factors.tolist(),
+        "radiance": made.radiance.tolist(),
+    }  # fmt: skip
     write_probe(
         output, made.pixels, precision, made.probe.chromaticities, recipe, facts, lines,
         probe.warnings(),

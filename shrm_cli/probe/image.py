@@ -94,6 +94,12 @@ class ConvertedImage(ImageOfImage):
     """From linear RGB of the image to that of this one, shape (3, 3). Colors outside the new
     primaries have negative channels."""
 
+    @property
+    def given(self) -> Array | None:
+        """The radiance that a reading gave the lamp of the image, shape (3,), if it says so."""
+        given: Array | None = getattr(self.image, "given", None)
+        return None if given is None else self.matrix @ given
+
     def read(self, start: int, stop: int) -> Array:
         with np.errstate(over="ignore", invalid="ignore"):  # NaN and infinity are found later
             return self.image.read(start, stop) @ self.matrix.T.astype(np.float32)

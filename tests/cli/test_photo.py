@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+from shrm_cli.files.image import write_image
 from shrm_cli.files.png import encode_srgb, write_png
 from shrm_cli.probe.open import open_probe
 from shrm_cli.sphere.grid.latlong import latlong_directions
@@ -172,3 +173,40 @@ def test_wrong_usage_is_one_line(folder, words, line):
     assert made.code != 0
     assert line in made.err
     assert not (folder / "x.exr").exists()
+
+
+@pytest.fixture
+def sunny(tmp_path, monkeypatch):
+    """Write a sky whose blurred sun was clipped, and what a reading made of it."""
+    monkeypatch.chdir(tmp_path)
+    height = latlong_directions(128, 64) @ SUN
+    glow = 200 * np.exp((height - 1) / 0.04**2)
+    sky = np.minimum(0.2 + glow[..., None] * [1, 0.9, 0.8], 20)
+    write_exr(tmp_path / "clip.exr", sky.astype(np.float32))
+    assert run("probe", "unclip", "clip.exr", "--card", "0.8,0.7,0.6", "-o", "uc.exr").code == 0
+    return tmp_path
+
+
+@pytest.mark.parametrize("words", [(), ("--yaw", "30"), ("--working", "acescg")])
+def test_what_a_reading_made_is_not_clipped(sunny, words):
+    """Its pixels have one value still, but the right one."""
+    for name, is_clipped in (("clip.exr", True), ("uc.exr", False)):
+        assert ("may be clipped" in run("sun", name, *words).err) == is_clipped
+        told = json.loads(run("info", name, *words, "--json").out)
+        assert ("share the maximum" in told["clipped"]) == is_clipped
+        into = ("--brdf", "ggx:roughness=0.5", "-o", f"map_{name}")
+        made = run("prefilter", name, *words, "--sun", "split", *into)
+        assert made.code == 0
+        assert ("may be clipped" in made.err) == is_clipped
+
+
+def test_what_was_clipped_after_a_reading_is_clipped(sunny):
+    """Programs keep the attributes of what they clip again."""
+    made = open_probe("uc.exr").image()
+    recipe = {"probe": "unclip", "radiance": made.max(axis=(0, 1)).tolist()}
+    again = np.minimum(made, 0.5 * made.max())
+    for pixels, is_clipped in ((made, False), (again, True)):
+        write_image("x.exr", pixels, "float", {"shrm:recipe": json.dumps(recipe)})
+        assert ("may be clipped" in run("sun", "x.exr").err) == is_clipped
+    write_image("x.exr", made, "float", {"shrm:recipe": json.dumps({"probe": "unclip"})})
+    assert "may be clipped" in run("sun", "x.exr").err
