@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from shrm_cli.arrays import Array
 from shrm_cli.color import title_of, xyz_matrix
 from shrm_cli.lights.beside import MUCH, SMALL
-from shrm_cli.lights.clipping import Plateau, given_radiance, largest_radiance, suspicion
+from shrm_cli.lights.clipping import Plateau, suspicion
 from shrm_cli.lights.lamp import Lamp
 from shrm_cli.lights.split import light_coefficients, split_lamps
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
@@ -166,6 +166,7 @@ def probe_statistics(probe: AnyProbe, lamps: int = 3) -> ProbeStatistics:
     fine = fine_probe(probe)  # horizons cut large pixels, which are no points
     of_normals = light if fine is probe else project(fine, _ORDER).coefficients
     pixel = 4 * np.pi / (probe.grid.shape[0] * probe.grid.shape[1])
+    first = probe.images[0]
     total, stated = 4 * np.pi * float(to_xyz[1] @ mean), probe.chromaticities
     return ProbeStatistics(
         minimum=gathered.low,
@@ -181,9 +182,7 @@ def probe_statistics(probe: AnyProbe, lamps: int = 3) -> ProbeStatistics:
         white_balance=mean / mean[1] if mean[1] > _LEAST_GREEN * mean.max() else None,
         direction=direction,
         directionality=directionality,
-        clipped=suspicion(
-            gathered.plateaus, pixel, mean, largest_radiance(probe), given_radiance(probe)
-        ),
+        clipped=suspicion(gathered.plateaus, pixel, mean, first.largest, first.given),
         primaries="not stated; taken for Rec.709" if stated is None else title_of(stated),
         lamps=found[:lamps],
         lamp_shares=tuple(float(to_xyz[1] @ lamp.light.flux) / total for lamp in found[:lamps]),

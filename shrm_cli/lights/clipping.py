@@ -11,7 +11,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from shrm_cli.arrays import Array
-from shrm_cli.probe.probe import Probe
 from shrm_cli.vocabulary import LARGEST_HALF
 
 HALF_LIMITS = (LARGEST_HALF, 65535.0, 65536.0)
@@ -40,6 +39,8 @@ _SMOOTH = 1.25
 behind the edge becomes steeper, so that its inner rim is the smaller one."""
 _ROUNDED = 1e-3
 """How far a file may round a radiance: half precision does by half of this."""
+_CONVERTED = 1e-5
+"""How far other primaries may round white."""
 _BINS_A_STOP, _LEAST_STOP, _STOPS = 512, -160, 300
 
 
@@ -85,7 +86,7 @@ class Plateau:
         count = self.area / pixel
         if self.high <= 0 or count < _CLIPPED:
             return ""
-        if self.high == end:
+        if end is not None and abs(self.high - end) <= _CONVERTED * end:
             where = f"in {self.area / (4 * np.pi):.2%} of the sphere"
             return f"{name} reaches {self.high:g}, the end of its integers, {where}"
         if given is not None and abs(self.high - given) <= _ROUNDED * given:
@@ -150,14 +151,3 @@ def clipping(
     for each, values in zip(channels, radiance.T, strict=True):
         each.add(values, areas)
     return suspicion(channels, float(areas.mean()), ends=ends, given=given)
-
-
-def largest_radiance(probe: Probe) -> Array | None:
-    """The radiance of the largest integers of a probe's file, shape (3,); None of floats."""
-    # Other images than files, such as arrays, are of floats.
-    return next((getattr(image, "largest", None) for image in probe.images), None)
-
-
-def given_radiance(probe: Probe) -> Array | None:
-    """The radiance that a reading gave a clipped lamp of a probe, shape (3,), if its file says."""
-    return next((getattr(image, "given", None) for image in probe.images), None)

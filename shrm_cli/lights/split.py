@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array, Indices, slices
 from shrm_cli.errors import ArgumentError
-from shrm_cli.lights.clipping import clipping, given_radiance, largest_radiance
+from shrm_cli.lights.clipping import clipping
 from shrm_cli.lights.lamp import Lamp, Light, disc_of
 from shrm_cli.lights.pixels import SpherePixels, near
 from shrm_cli.lights.search import LARGEST, find_regions
@@ -265,12 +265,12 @@ def split_lamps(
             candidates.append(_Candidate(light, region.level, source, areas, filled, order))
     radius = None if sun_radius is None else float(np.radians(sun_radius))
     chosen = _fitted(candidates, error * scale, radius)
-    ends, given = largest_radiance(probe), given_radiance(probe)
+    first = probe.images[0]
     lamps = tuple(
         Lamp(
             tuple(each.discs), each.light, each.level, each.source.max(axis=0),
-            clipping(each.source, each.areas, ends, given), irradiance_rms(each.wrong) / scale,
-            pixels.pitch,
+            clipping(each.source, each.areas, first.largest, first.given),
+            irradiance_rms(each.wrong) / scale, pixels.pitch,
         )
         for each in chosen
     )  # fmt: skip

@@ -84,6 +84,7 @@ class SumImage:
     file_format: str = "light file"
     """What the sum was read from. One of "light file", "USD stage" and "coefficients"."""
 
+    largest = given = None
     row_multiple = 1
 
     @property
