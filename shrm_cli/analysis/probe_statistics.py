@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from shrm_cli.arrays import Array
 from shrm_cli.color import title_of, xyz_matrix
 from shrm_cli.lights.beside import MUCH, SMALL
-from shrm_cli.lights.clipping import Plateau, suspicion
+from shrm_cli.lights.clipping import REACHES, Plateau, suspicion
 from shrm_cli.lights.lamp import Lamp
 from shrm_cli.lights.split import light_coefficients, split_lamps
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
@@ -36,6 +36,9 @@ _LEAST_GREEN = 1e-6
 _COLDEST, _HOTTEST, _FARTHEST = 1000.0, 25000.0, 0.05
 """Temperatures in kelvin, and the distance from the black body in CIE 1960 u and v, within which a
 correlated colour temperature means something."""
+
+_UNCLIP = "clipped light is too dim: `shrm probe unclip` mends a sun by a reading"
+"""What to do where light reaches an end, which is sure; even lamps look like other plateaus."""
 
 
 @record(eq=False)
@@ -79,7 +82,12 @@ class ProbeStatistics:
 
     @property
     def advice(self) -> str:
-        """What to do about small lamps that hold much of the light; empty without any."""
+        """What to do about clipped light, and small lamps that hold much of it; or empty."""
+        of_ends = _UNCLIP if REACHES in self.clipped else ""
+        return "; ".join(filter(None, (self._split_advice, of_ends)))
+
+    @property
+    def _split_advice(self) -> str:
         pairs = zip(self.lamps, self.lamp_shares, strict=True)
         small = [(lamp.radius, share) for lamp, share in pairs if lamp.radius < SMALL]
         sizes, share = [np.degrees(radius) for radius, _ in small], sum(each for _, each in small)

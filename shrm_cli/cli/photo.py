@@ -256,7 +256,7 @@ def unclip(
     }  # fmt: skip
     write_probe(
         output, made.pixels, precision, made.probe.chromaticities, recipe, facts, lines,
-        probe.warnings(),
+        probe.warnings(white=False),
     )  # fmt: skip
 
 

@@ -15,6 +15,8 @@ from shrm_cli.vocabulary import LARGEST_HALF
 
 HALF_LIMITS = (LARGEST_HALF, 65535.0, 65536.0)
 """The largest number of half precision, and what programs round it to."""
+REACHES = " reaches "
+"""What suspicions have that are about the end of what a file holds."""
 _CLIPPED = 4.0
 """So many pixels of exactly the same largest value are suspected to be clipped."""
 _FAR_BELOW = 0.5
@@ -22,6 +24,10 @@ _FAR_BELOW = 0.5
 _OVER_MEAN = 4.0
 """A plateau that is darker than the mean times this is no lamp. So is one of more than a quarter of
 the sphere, whose light alone makes the mean brighter."""
+_WHITE = 1.0
+"""Floats that were made of a picture of integers end here, much of a sky or of windows with them:
+of a whole probe this plateau may be nearly as dark as the mean, but no more than a quarter of the
+sphere."""
 _LARGE = 2 * np.pi * (1 - np.cos(np.radians(2.5)))
 """Suns and bulbs, with what cameras spread about them, are smaller than a disc of this radius:
 larger plateaus may be soft boxes. They have that many pixels, too, so that their rims tell."""
@@ -82,17 +88,22 @@ class Plateau:
         reading gave a lamp that had been clipped: it is a plateau still, but a right one.
         """
         if self.high in HALF_LIMITS:
-            return f"{name} reaches {self.high:g}, the end of half precision"
+            return f"{name}{REACHES}{self.high:g}, the end of half precision"
         count = self.area / pixel
         if self.high <= 0 or count < _CLIPPED:
             return ""
         if end is not None and abs(self.high - end) <= _CONVERTED * end:
             where = f"in {self.area / (4 * np.pi):.2%} of the sphere"
-            return f"{name} reaches {self.high:g}, the end of its integers, {where}"
+            return f"{name}{REACHES}{self.high:g}, the end of its integers, {where}"
         if given is not None and abs(self.high - given) <= _ROUNDED * given:
             return ""
         is_plateau = self.area > self.between(_JUST_BELOW, 1).sum()
-        if not is_plateau or self.high < _OVER_MEAN * mean or self._is_box(count):
+        if not is_plateau or self._is_box(count):
+            return ""
+        if self.high == _WHITE and mean > 0 and self.area < np.pi:
+            where = f"in {self.area / (4 * np.pi):.2%} of the sphere"
+            return f"{name}{REACHES}1, where pictures of integers end, {where}"
+        if self.high < _OVER_MEAN * mean:
             return ""
         return f"{count:.0f} pixels share the maximum {self.high:.6g} of {name}"
 

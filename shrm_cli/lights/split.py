@@ -117,7 +117,12 @@ class LampSplit(Displayed):
 
     @property
     def clipped(self) -> list[str]:
-        """A line about the lamps that may be clipped, if there are any."""
+        """A line about the lamps that may be clipped, if there are any.
+
+        That integers end at white the probe tells itself, of all that is.
+        """
+        if self.probe.report.is_clipped:
+            return []
         numbers = [number for number, lamp in enumerate(self.lamps, 1) if lamp.clipped]
         if not numbers:
             return []

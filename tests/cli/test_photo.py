@@ -210,3 +210,56 @@ def test_what_was_clipped_after_a_reading_is_clipped(sunny):
         assert ("may be clipped" in run("sun", "x.exr").err) == is_clipped
     write_image("x.exr", made, "float", {"shrm:recipe": json.dumps({"probe": "unclip"})})
     assert "may be clipped" in run("sun", "x.exr").err
+
+
+@pytest.fixture
+def panorama(tmp_path, monkeypatch):
+    """Write a picture of 8 bits whose sun is white, and a grey one; no lamp is found in either."""
+    monkeypatch.chdir(tmp_path)
+    directions = latlong_directions(128, 64)
+    sky = np.repeat(0.3 + 0.2 * directions[..., 1:2], 3, axis=-1).astype(np.float32)
+    write_png("grey.png", encode_srgb(sky))
+    glow = 50 * np.exp((directions @ SUN - 1) / 0.03**2)
+    write_png("sky.png", encode_srgb(sky + glow[..., None].astype(np.float32)))
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("sun",),
+        ("prefilter", "--brdf", "ggx:roughness=0.5"),
+        ("prefilter", "--brdf", "ggx:roughness=0.5", "--working", "acescg"),
+        ("prefilter", "--brdf", "ggx:roughness=0.5", "--sun", "split"),
+    ],
+)
+def test_a_sun_that_is_white_in_a_picture_is_told_once(panorama, words):
+    """Its map was dim without a word."""
+    for name, count in (("sky.png", 1), ("grey.png", 0)):
+        made = run(words[0], name, "--linearize", *words[1:])
+        assert made.code == 0
+        told = [line for line in made.err.splitlines() if "shrm probe unclip" in line]
+        assert len(told) == count
+        for line in told:
+            assert line.startswith(f"Warning: {name}: ")
+            assert "% of the sphere is white, the end of its integers" in line
+
+
+@pytest.mark.parametrize(("name", "is_white"), [("sky.png", True), ("grey.png", False)])
+def test_what_mends_a_white_sun_is_advice(panorama, name, is_white):
+    made = run("info", name, "--linearize", "--json")
+    told = json.loads(made.out)
+    assert ("the end of its integers" in told["clipped"]) == is_white
+    assert ("shrm probe unclip" in told["advice"]) == is_white
+    assert made.err == ""
+
+
+def test_floats_of_a_picture_end_at_one(panorama):
+    """Windows and a bright sky are not four times the mean."""
+    write_exr(panorama / "sky.exr", open_probe("sky.png", linearize=True).image())
+    told = json.loads(run("info", "sky.exr", "--json").out)
+    assert "R reaches 1, where pictures of integers end" in told["clipped"]
+    for pixels in (np.ones((16, 32, 3)), np.full((16, 32, 3), 0.5)):
+        pixels[0, 0] = 1
+        write_exr(panorama / "even.exr", pixels.astype(np.float32))
+        assert json.loads(run("info", "even.exr", "--json").out)["clipped"] == ""
