@@ -16,6 +16,7 @@ from shrm_cli.lights.split import light_coefficients, split_lamps
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
 from shrm_cli.messages import whole_number
 from shrm_cli.probe.coarse import fine_probe
+from shrm_cli.probe.light_sum import LightSum
 from shrm_cli.probe.lighting import PolarRows, project
 from shrm_cli.probe.open import AnyProbe, as_probe
 from shrm_cli.probe.pixels import refuse_overflow
@@ -166,6 +167,9 @@ def probe_statistics(probe: AnyProbe, lamps: int = 3) -> ProbeStatistics:
     coefficients = analysis.coefficients()
     refuse_overflow(probe.name, coefficients)
     light = transform_coefficients(coefficients, probe.matrix)
+    is_series = isinstance(probe, LightSum) and probe.is_series
+    if is_series:  # its pixels are what is left of them above 0
+        light = project(probe, order).coefficients
     mean = light[0] / np.sqrt(4 * np.pi)
     point = chromaticity(mean, probe.chromaticities)
     temperature = None if point is None else color_temperature(*point)
@@ -173,6 +177,10 @@ def probe_statistics(probe: AnyProbe, lamps: int = 3) -> ProbeStatistics:
     found = split_lamps(probe).lamps if lamps and mean.any() else ()
     fine = fine_probe(probe)  # horizons cut large pixels, which are no points
     of_normals = light if fine is probe else project(fine, _ORDER).coefficients
+    if is_series:
+        irradiance = _irradiance(light, ())
+    else:
+        irradiance = np.maximum(_irradiance(of_normals, found), 0)
     pixel = 4 * np.pi / (probe.grid.shape[0] * probe.grid.shape[1])
     first = probe.images[0]
     total, stated = 4 * np.pi * float(to_xyz[1] @ mean), probe.chromaticities
@@ -183,7 +191,7 @@ def probe_statistics(probe: AnyProbe, lamps: int = 3) -> ProbeStatistics:
         mean_luminance=float(to_xyz[1] @ mean),
         stops=gathered.stops(),
         stops_whole=gathered.stops_whole(),
-        irradiance=_irradiance(of_normals, found),
+        irradiance=irradiance,
         chromaticity=point,
         temperature=temperature,
         duv=None if point is None or temperature is None else blackbody_distance(*point),
@@ -212,7 +220,7 @@ def _irradiance(light: Array, lamps: Sequence[Lamp]) -> Array:
         flux = each.radiance * each.areas[:, None]
         result += np.maximum(axes @ each.directions.T, 0) @ flux
         result -= expansion @ light_coefficients(each, order)
-    return np.maximum(result, 0)
+    return result
 
 
 def _direction(luminance: Array) -> tuple[Array, float]:

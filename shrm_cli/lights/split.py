@@ -71,6 +71,8 @@ class LampSplit(Displayed):
     """Lamps that stay in the residual: more than were asked for, or nothing like discs."""
     error: float
     """The relative RMS error of the irradiance that was allowed."""
+    refused: float | None = None
+    """The radius in degrees that was asked for of the brightest lamp, if that stays for it."""
 
     @property
     def discs(self) -> tuple[Disc, ...]:
@@ -270,6 +272,8 @@ def split_lamps(
             candidates.append(_Candidate(light, region.level, source, areas, filled, order))
     radius = None if sun_radius is None else float(np.radians(sun_radius))
     chosen = _fitted(candidates, error * scale, radius)
+    # A lamp becomes no more discs where a radius is asked for, so that it fits or stays.
+    stays = bool(candidates) and all(each is not candidates[0] for each in chosen)
     first = probe.images[0]
     lamps = tuple(
         Lamp(
@@ -281,7 +285,9 @@ def split_lamps(
     )  # fmt: skip
     fills = tuple(each.filled for each in chosen)
     stages.done(3, 3)
-    return LampSplit(probe, lamps, fills, coarse.grid, len(regions) - len(lamps), error)
+    left = len(regions) - len(lamps)
+    refused = sun_radius if stays else None
+    return LampSplit(probe, lamps, fills, coarse.grid, left, error, refused)
 
 
 def _fitted(candidates: list[_Candidate], most: float, radius: float | None) -> list[_Candidate]:

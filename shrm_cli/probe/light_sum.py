@@ -255,6 +255,11 @@ class LightSum(Probe):
         return self.image_of_sum.series
 
     @property
+    def is_series(self) -> bool:
+        """Whether it is light that is given by its coefficients, and nothing else."""
+        return self.series is not None and not (self.terms or self.discs)
+
+    @property
     def may_be_coarse(self) -> bool:
         rows = self.image_of_sum.fine_rows
         is_coarse = any(term.probe.grid.resolution < rows for term in self.terms)
