@@ -168,7 +168,7 @@ def probe_statistics(probe: AnyProbe, lamps: int = 3) -> ProbeStatistics:
     refuse_overflow(probe.name, coefficients)
     light = transform_coefficients(coefficients, probe.matrix)
     is_series = isinstance(probe, LightSum) and probe.is_series
-    if is_series:  # its pixels are what is left of them above 0
+    if is_series:  # its pixels are negative nowhere, which coefficients need not be
         light = project(probe, order).coefficients
     mean = light[0] / np.sqrt(4 * np.pi)
     point = chromaticity(mean, probe.chromaticities)

@@ -571,7 +571,7 @@ def test_ktx2_is_for_engines(folder):
 
 
 def test_the_irradiance_of_coefficients_is_that_of_the_coefficients(folder):
-    """Not that of their pixels, which are 0 where the light of so few degrees is below."""
+    """Not that of their pixels, which are negative nowhere, and so not quite this light."""
     light = np.array([1.5, 0.5, -0.25, 3.0])[:, None] * [1, 0.5, 0.25]  # 1, y, z, x
     np.save(folder / "light.npy", light)
     told = json.loads(run("info", "light.npy", "--json").out)
