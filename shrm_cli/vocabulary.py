@@ -117,6 +117,8 @@ ENGINES: dict[str, str] = {
 }
 """Each engine that light is exported for, and its module of `shrm_cli.export.engines`."""
 
+RECIPE_ATTRIBUTE = "shrm:recipe"
+"""The attribute of a picture that says how it was made."""
 PROXY_ATTRIBUTE = "shrm:proxy"
 """The attribute of a probe's file that holds the record of the box around its place, as JSON."""
 

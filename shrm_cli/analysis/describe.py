@@ -163,7 +163,8 @@ def _probe(name: str, reading: ReadOptions | None, stats: bool) -> Description:
     """Describe a probe, which a file is that is nothing else."""
     probe = open_probe(name, reading)
     facts = probe_facts(probe, stats)
-    lines = probe.report.warnings() if stats else probe.report.notes
+    # That integers end at white is among the facts.
+    lines = probe.report.warnings(white=False) if stats else probe.report.notes
     said = tuple(f"{name}: {line}" for line in lines)
     return Description("is a probe", facts, said, stats, is_probe=True)
 

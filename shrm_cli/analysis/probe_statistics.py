@@ -10,12 +10,13 @@ from numpy.typing import ArrayLike
 from shrm_cli.arrays import Array
 from shrm_cli.color import title_of, xyz_matrix
 from shrm_cli.lights.beside import MUCH, SMALL
-from shrm_cli.lights.clipping import Plateau, largest_radiance, suspicion
+from shrm_cli.lights.clipping import REACHES, Plateau, suspicion
 from shrm_cli.lights.lamp import Lamp
 from shrm_cli.lights.split import light_coefficients, split_lamps
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
 from shrm_cli.messages import whole_number
 from shrm_cli.probe.coarse import fine_probe
+from shrm_cli.probe.light_sum import LightSum
 from shrm_cli.probe.lighting import PolarRows, project
 from shrm_cli.probe.open import AnyProbe, as_probe
 from shrm_cli.probe.pixels import refuse_overflow
@@ -36,6 +37,9 @@ _LEAST_GREEN = 1e-6
 _COLDEST, _HOTTEST, _FARTHEST = 1000.0, 25000.0, 0.05
 """Temperatures in kelvin, and the distance from the black body in CIE 1960 u and v, within which a
 correlated colour temperature means something."""
+
+_UNCLIP = "clipped light is too dim: `shrm probe unclip` mends a sun by a reading"
+"""What to do where light reaches an end, which is sure; even lamps look like other plateaus."""
 
 
 @record(eq=False)
@@ -79,7 +83,12 @@ class ProbeStatistics:
 
     @property
     def advice(self) -> str:
-        """What to do about small lamps that hold much of the light; empty without any."""
+        """What to do about clipped light, and small lamps that hold much of it; or empty."""
+        of_ends = _UNCLIP if REACHES in self.clipped else ""
+        return "; ".join(filter(None, (self._split_advice, of_ends)))
+
+    @property
+    def _split_advice(self) -> str:
         pairs = zip(self.lamps, self.lamp_shares, strict=True)
         small = [(lamp.radius, share) for lamp, share in pairs if lamp.radius < SMALL]
         sizes, share = [np.degrees(radius) for radius, _ in small], sum(each for _, each in small)
@@ -158,6 +167,9 @@ def probe_statistics(probe: AnyProbe, lamps: int = 3) -> ProbeStatistics:
     coefficients = analysis.coefficients()
     refuse_overflow(probe.name, coefficients)
     light = transform_coefficients(coefficients, probe.matrix)
+    is_series = isinstance(probe, LightSum) and probe.is_series
+    if is_series:  # its pixels are negative nowhere, which coefficients need not be
+        light = project(probe, order).coefficients
     mean = light[0] / np.sqrt(4 * np.pi)
     point = chromaticity(mean, probe.chromaticities)
     temperature = None if point is None else color_temperature(*point)
@@ -165,7 +177,12 @@ def probe_statistics(probe: AnyProbe, lamps: int = 3) -> ProbeStatistics:
     found = split_lamps(probe).lamps if lamps and mean.any() else ()
     fine = fine_probe(probe)  # horizons cut large pixels, which are no points
     of_normals = light if fine is probe else project(fine, _ORDER).coefficients
+    if is_series:
+        irradiance = _irradiance(light, ())
+    else:
+        irradiance = np.maximum(_irradiance(of_normals, found), 0)
     pixel = 4 * np.pi / (probe.grid.shape[0] * probe.grid.shape[1])
+    first = probe.images[0]
     total, stated = 4 * np.pi * float(to_xyz[1] @ mean), probe.chromaticities
     return ProbeStatistics(
         minimum=gathered.low,
@@ -174,14 +191,14 @@ def probe_statistics(probe: AnyProbe, lamps: int = 3) -> ProbeStatistics:
         mean_luminance=float(to_xyz[1] @ mean),
         stops=gathered.stops(),
         stops_whole=gathered.stops_whole(),
-        irradiance=_irradiance(of_normals, found),
+        irradiance=irradiance,
         chromaticity=point,
         temperature=temperature,
         duv=None if point is None or temperature is None else blackbody_distance(*point),
         white_balance=mean / mean[1] if mean[1] > _LEAST_GREEN * mean.max() else None,
         direction=direction,
         directionality=directionality,
-        clipped=suspicion(gathered.plateaus, pixel, mean, largest_radiance(probe)),
+        clipped=suspicion(gathered.plateaus, pixel, mean, first.largest, first.given),
         primaries="not stated; taken for Rec.709" if stated is None else title_of(stated),
         lamps=found[:lamps],
         lamp_shares=tuple(float(to_xyz[1] @ lamp.light.flux) / total for lamp in found[:lamps]),
@@ -203,7 +220,7 @@ def _irradiance(light: Array, lamps: Sequence[Lamp]) -> Array:
         flux = each.radiance * each.areas[:, None]
         result += np.maximum(axes @ each.directions.T, 0) @ flux
         result -= expansion @ light_coefficients(each, order)
-    return np.maximum(result, 0)
+    return result
 
 
 def _direction(luminance: Array) -> tuple[Array, float]:

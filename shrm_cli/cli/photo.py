@@ -229,11 +229,17 @@ def unclip(
     if irradiance is None and card is None and ratio is None:
         raise shrm.ArgumentError("card", "or `ratio` or `irradiance` must be given")
     usage.check_outputs([output], files=[source], suffixes=[".exr"])
-    received = irradiance if card is None else np.pi / albedo * np.asarray(card)
+    given = irradiance if card is None else np.pi / albedo * np.asarray(card)
+    received = None if given is None else np.broadcast_to(given, 3)
     normal = from_azimuth_elevation(*facing)
     probe = shrm.open_probe(source, options.make_read_options(reading))
     with progress_bar("reading") as progress, using(progress):
-        made = shrm.unclip(probe, None if received is None else np.array(received), ratio, normal)
+        try:
+            made = shrm.unclip(probe, received, ratio, normal)
+        except shrm.ArgumentError as error:
+            if card is None:
+                raise
+            raise shrm.ArgumentError("card", f"gives an irradiance that {error.message}") from error
     azimuth, elevation = to_azimuth_elevation(made.direction)
     times = ", ".join(f"{each:.4g}" for each in made.factors)
     facts = {
@@ -244,10 +250,13 @@ def unclip(
         f"  lamp           at {azimuth:z.1f}, {elevation:z.1f}, {made.solid_angle:.3g} sr: "
         f"times {times}"
     ]
-    recipe = {"probe": "unclip", "source": Path(source).name, "factors": made.factors.tolist()}
+    recipe = {
+        "probe": "unclip", "source": Path(source).name, "factors": made.factors.tolist(),
+        "radiance": made.radiance.tolist(),
+    }  # fmt: skip
     write_probe(
         output, made.pixels, precision, made.probe.chromaticities, recipe, facts, lines,
-        probe.warnings(),
+        probe.warnings(white=False),
     )  # fmt: skip
 
 

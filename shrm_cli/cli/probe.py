@@ -218,6 +218,11 @@ def capture(
             f"{output}: {found.behind:.0%} of what is seen is the back of surfaces, which is "
             "black; give `at` within the room, or turn the triangles that face outwards"
         )
+    elif not found.pixels.any():
+        warnings.append(
+            f"{output}: nothing lights this place, so that it is black; give `emit` of a material, "
+            "or a mesh with openings"
+        )
     facts = {"noise": found.noise, "behind": found.behind, "proxy": proxy.record()}
     lines = [f"  noise of {found.noise:.1%} (RMS) is left; four times the samples halve it"]
     write_probe(output, found.pixels, precision, colors, recipe, facts, lines, warnings, proxy)

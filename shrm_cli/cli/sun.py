@@ -134,14 +134,21 @@ def _result(probe: str, split: LampSplit) -> dict[str, Any]:
 
 def _doubts(split: LampSplit) -> list[str]:
     """Return what a user should know of the lamps, a line each."""
-    if not split.left:
-        return split.clipped + split.changed
-    lamps = "lamp stays" if split.left == 1 else "lamps stay"
-    left = (
-        f"{split.left} more {lamps} in the residual; `count` takes more, `error` ones that "
-        "are less like discs"
-    )
-    return [*split.clipped, left, *split.changed]
+    lines, left = split.clipped, split.left
+    if split.refused is not None:
+        left -= 1
+        lines.append(
+            f"the brightest lamp stays in the residual: a disc of {split.refused:g} degrees in its "
+            "place changes the irradiance by more than `error` allows; give another `sun_radius`, "
+            "or leave it out"
+        )
+    if left:
+        lamps = "lamp stays" if left == 1 else "lamps stay"
+        lines.append(
+            f"{left} more {lamps} in the residual; `count` takes more, `error` ones that are less "
+            "like discs"
+        )
+    return lines + split.changed
 
 
 def _lines(probe: str, split: LampSplit, written: dict[str, Any]) -> list[str]:

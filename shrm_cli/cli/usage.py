@@ -23,7 +23,7 @@ from shrm_cli.errors import ArgumentError, MapError, OutputError
 from shrm_cli.files.whole import check_target, exists_error, note
 from shrm_cli.messages import ARGUMENT
 from shrm_cli.naming import probe_stem
-from shrm_cli.vocabulary import Precision
+from shrm_cli.vocabulary import RECIPE_ATTRIBUTE, Precision
 
 if TYPE_CHECKING:
     from shrm_cli.maps.request import Request
@@ -226,6 +226,6 @@ def keep_other_picture(target: str, recipe: Mapping[str, Any]) -> None:
     if keep_edited(target):
         return
     stored = peek(target)
-    text = "" if stored is None else stored.first.text("shrm:recipe")
+    text = "" if stored is None else stored.first.text(RECIPE_ATTRIBUTE)
     if text != json.dumps(recipe):
         raise exists_error(target, "other inputs or options made it")

@@ -21,7 +21,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, Literal
 
-from shrm_cli.vocabulary import MAX_ORDER_P
+from shrm_cli.vocabulary import MAX_ORDER_P, RECIPE_ATTRIBUTE
 
 MAGIC = b"\x76\x2f\x31\x01"
 
@@ -51,8 +51,6 @@ _ATTRIBUTES = frozenset(("shrm:representation", "shrm:table", "shrm:textures", "
 """What maps, tables, textures for shaders and tables of BRDFs have."""
 _OF_MAPS = frozenset(("shrm:brdf", "shrm:representation"))
 """What maps alone have; of a header that is cut off the first one is there sooner."""
-_RECIPE = "shrm:recipe"
-"""What pictures and made probes have."""
 _OF_PROBE = b'{"probe"'
 """How the recipe of a made probe begins."""
 SEAL = "shrm:digest"
@@ -286,7 +284,7 @@ def is_output(path: str | os.PathLike[str]) -> bool:
     its lamps are probes. So is what cannot be read: its reader says what is wrong with it.
     """
     found = beginnings(path)
-    is_picture = not found.get(_RECIPE, _OF_PROBE).startswith(_OF_PROBE)
+    is_picture = not found.get(RECIPE_ATTRIBUTE, _OF_PROBE).startswith(_OF_PROBE)
     return is_picture or not _ATTRIBUTES.isdisjoint(found)
 
 

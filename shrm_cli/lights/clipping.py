@@ -11,11 +11,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from shrm_cli.arrays import Array
-from shrm_cli.probe.probe import Probe
 from shrm_cli.vocabulary import LARGEST_HALF
 
 HALF_LIMITS = (LARGEST_HALF, 65535.0, 65536.0)
 """The largest number of half precision, and what programs round it to."""
+REACHES = " reaches "
+"""What suspicions have that are about the end of what a file holds."""
 _CLIPPED = 4.0
 """So many pixels of exactly the same largest value are suspected to be clipped."""
 _FAR_BELOW = 0.5
@@ -23,6 +24,10 @@ _FAR_BELOW = 0.5
 _OVER_MEAN = 4.0
 """A plateau that is darker than the mean times this is no lamp. So is one of more than a quarter of
 the sphere, whose light alone makes the mean brighter."""
+_WHITE = 1.0
+"""Floats that were made of a picture of integers end here, much of a sky or of windows with them:
+of a whole probe this plateau may be nearly as dark as the mean, but no more than a quarter of the
+sphere."""
 _LARGE = 2 * np.pi * (1 - np.cos(np.radians(2.5)))
 """Suns and bulbs, with what cameras spread about them, are smaller than a disc of this radius:
 larger plateaus may be soft boxes. They have that many pixels, too, so that their rims tell."""
@@ -38,6 +43,10 @@ _HARD = 1 / 16
 _SMOOTH = 1.25
 """The inner rim of a smooth edge is larger than the outer one times this: light that goes on rising
 behind the edge becomes steeper, so that its inner rim is the smaller one."""
+_ROUNDED = 1e-3
+"""How far a file may round a radiance: half precision does by half of this."""
+_CONVERTED = 1e-5
+"""How far other primaries may round white."""
 _BINS_A_STOP, _LEAST_STOP, _STOPS = 512, -160, 300
 
 
@@ -65,23 +74,36 @@ class Plateau:
         self._areas += np.bincount(_bins(values), areas, len(self._areas))
 
     def suspicion(
-        self, name: str, pixel: float, mean: float = 0.0, end: float | None = None
+        self,
+        name: str,
+        pixel: float,
+        mean: float = 0.0,
+        end: float | None = None,
+        given: float | None = None,
     ) -> str:
         """Why the channel of this name is suspected to be clipped; else "".
 
         `pixel` is the solid angle of a pixel, `mean` the mean of all light. `end` is the radiance
-        of the largest integer: what has it was clipped however large it is.
+        of the largest integer: what has it was clipped however large it is. `given` is what a
+        reading gave a lamp that had been clipped: it is a plateau still, but a right one.
         """
         if self.high in HALF_LIMITS:
-            return f"{name} reaches {self.high:g}, the end of half precision"
+            return f"{name}{REACHES}{self.high:g}, the end of half precision"
         count = self.area / pixel
         if self.high <= 0 or count < _CLIPPED:
             return ""
-        if self.high == end:
+        if end is not None and abs(self.high - end) <= _CONVERTED * end:
             where = f"in {self.area / (4 * np.pi):.2%} of the sphere"
-            return f"{name} reaches {self.high:g}, the end of its integers, {where}"
+            return f"{name}{REACHES}{self.high:g}, the end of its integers, {where}"
+        if given is not None and abs(self.high - given) <= _ROUNDED * given:
+            return ""
         is_plateau = self.area > self.between(_JUST_BELOW, 1).sum()
-        if not is_plateau or self.high < _OVER_MEAN * mean or self._is_box(count):
+        if not is_plateau or self._is_box(count):
+            return ""
+        if self.high == _WHITE and mean > 0 and self.area < np.pi:
+            where = f"in {self.area / (4 * np.pi):.2%} of the sphere"
+            return f"{name}{REACHES}1, where pictures of integers end, {where}"
+        if self.high < _OVER_MEAN * mean:
             return ""
         return f"{count:.0f} pixels share the maximum {self.high:.6g} of {name}"
 
@@ -111,6 +133,7 @@ def suspicion(
     pixel: float,
     means: Sequence[float] | Array = (0, 0, 0),
     ends: Array | None = None,
+    given: Array | None = None,
 ) -> str:
     """Why light is suspected to be clipped, by the plateaus of its channels; else "".
 
@@ -120,25 +143,22 @@ def suspicion(
     highest = max(each.high for each in channels)
     for channel, (each, mean) in enumerate(zip(channels, means, strict=True)):
         if each.high >= _FAR_BELOW * highest:
-            end = None if ends is None else float(ends[channel])
-            found = each.suspicion("RGB"[channel], pixel, mean, end)
+            known = [None if of_it is None else float(of_it[channel]) for of_it in (ends, given)]
+            found = each.suspicion("RGB"[channel], pixel, mean, *known)
             if found:
                 return found
     return ""
 
 
-def clipping(radiance: Array, areas: Array, ends: Array | None = None) -> str:
+def clipping(
+    radiance: Array, areas: Array, ends: Array | None = None, given: Array | None = None
+) -> str:
     """Why the maximum of some pixels is suspected to be clipped; else "".
 
-    `radiance` is of shape (n, 3). `areas` are their solid angles, shape (n,).
+    `radiance` is of shape (n, 3). `areas` are their solid angles, shape (n,). `ends` and `given`
+    are those of `Plateau.suspicion` for each channel, shape (3,).
     """
     channels = [Plateau() for _ in range(3)]
     for each, values in zip(channels, radiance.T, strict=True):
         each.add(values, areas)
-    return suspicion(channels, float(areas.mean()), ends=ends)
-
-
-def largest_radiance(probe: Probe) -> Array | None:
-    """The radiance of the largest integers of a probe's file, shape (3,); None of floats."""
-    # Other images than files, such as arrays, are of floats.
-    return next((getattr(image, "largest", None) for image in probe.images), None)
+    return suspicion(channels, float(areas.mean()), ends=ends, given=given)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array, Indices, slices
 from shrm_cli.errors import ArgumentError
-from shrm_cli.lights.clipping import clipping, largest_radiance
+from shrm_cli.lights.clipping import clipping
 from shrm_cli.lights.lamp import Lamp, Light, disc_of
 from shrm_cli.lights.pixels import SpherePixels, near
 from shrm_cli.lights.search import LARGEST, find_regions
@@ -71,6 +71,8 @@ class LampSplit(Displayed):
     """Lamps that stay in the residual: more than were asked for, or nothing like discs."""
     error: float
     """The relative RMS error of the irradiance that was allowed."""
+    refused: float | None = None
+    """The radius in degrees that was asked for of the brightest lamp, if that stays for it."""
 
     @property
     def discs(self) -> tuple[Disc, ...]:
@@ -117,7 +119,12 @@ class LampSplit(Displayed):
 
     @property
     def clipped(self) -> list[str]:
-        """A line about the lamps that may be clipped, if there are any."""
+        """A line about the lamps that may be clipped, if there are any.
+
+        That integers end at white the probe tells itself, of all that is.
+        """
+        if self.probe.report.is_clipped:
+            return []
         numbers = [number for number, lamp in enumerate(self.lamps, 1) if lamp.clipped]
         if not numbers:
             return []
@@ -265,18 +272,22 @@ def split_lamps(
             candidates.append(_Candidate(light, region.level, source, areas, filled, order))
     radius = None if sun_radius is None else float(np.radians(sun_radius))
     chosen = _fitted(candidates, error * scale, radius)
-    ends = largest_radiance(probe)
+    # A lamp becomes no more discs where a radius is asked for, so that it fits or stays.
+    stays = bool(candidates) and all(each is not candidates[0] for each in chosen)
+    first = probe.images[0]
     lamps = tuple(
         Lamp(
             tuple(each.discs), each.light, each.level, each.source.max(axis=0),
-            clipping(each.source, each.areas, ends), irradiance_rms(each.wrong) / scale,
-            pixels.pitch,
+            clipping(each.source, each.areas, first.largest, first.given),
+            irradiance_rms(each.wrong) / scale, pixels.pitch,
         )
         for each in chosen
     )  # fmt: skip
     fills = tuple(each.filled for each in chosen)
     stages.done(3, 3)
-    return LampSplit(probe, lamps, fills, coarse.grid, len(regions) - len(lamps), error)
+    left = len(regions) - len(lamps)
+    refused = sun_radius if stays else None
+    return LampSplit(probe, lamps, fills, coarse.grid, left, error, refused)
 
 
 def _fitted(candidates: list[_Candidate], most: float, radius: float | None) -> list[_Candidate]:

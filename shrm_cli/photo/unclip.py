@@ -40,6 +40,8 @@ class Unclipped:
     """What its pixels take together, sr."""
     factors: Array
     """What its light was multiplied with, shape (3,)."""
+    radiance: Array
+    """The most that its pixels have now, shape (3,)."""
 
 
 def unclip(
@@ -110,8 +112,10 @@ def unclip(
             f"{(own + rest) @ LUMINANCE / (rest @ LUMINANCE):.4g}); check its units, its albedo "
             "and where it faced",
         )
-    image.reshape(-1, 3)[numbers] = lamp.radiance * factors
-    return Unclipped(probe, image, lamp.axis, float(lamp.areas.sum()), factors)
+    grown = lamp.radiance * factors
+    image.reshape(-1, 3)[numbers] = grown
+    area = float(lamp.areas.sum())
+    return Unclipped(probe, image, lamp.axis, area, factors, grown.max(axis=0))
 
 
 def _lamp(probe: Probe, image: Array) -> tuple[NDArray[np.intp], Light]:

@@ -54,6 +54,7 @@ class DdsFile:
     proxy = None
     encoding = Encoding()
     notes = ()
+    largest = given = None
     row_multiple = 1
 
     @classmethod

@@ -56,6 +56,14 @@ class ProbeImage(Protocol):
         """What was taken of the file, and how, for `shrm info`."""
 
     @property
+    def largest(self) -> Array | None:
+        """The radiance of the largest integers that it can hold, shape (3,); None of floats."""
+
+    @property
+    def given(self) -> Array | None:
+        """The radiance that a reading gave a lamp that had been clipped, shape (3,), if any."""
+
+    @property
     def row_multiple(self) -> int:
         """Rows that are cheapest to read together start at multiples of this."""
 
@@ -78,6 +86,8 @@ class ImageOfImage:
     height = handed_on("image", "height")
     file_format = handed_on("image", "file_format")
     notes = handed_on("image", "notes")
+    largest = handed_on("image", "largest")
+    given = handed_on("image", "given")
     row_multiple = handed_on("image", "row_multiple")
     facts = handed_on("image", "facts")
     contents = handed_on("image", "contents")
@@ -93,6 +103,17 @@ class ConvertedImage(ImageOfImage):
     matrix: Array
     """From linear RGB of the image to that of this one, shape (3, 3). Colors outside the new
     primaries have negative channels."""
+
+    @property
+    def largest(self) -> Array | None:
+        return self._converted(self.image.largest)
+
+    @property
+    def given(self) -> Array | None:
+        return self._converted(self.image.given)
+
+    def _converted(self, color: Array | None) -> Array | None:
+        return None if color is None else self.matrix @ color
 
     def read(self, start: int, stop: int) -> Array:
         with np.errstate(over="ignore", invalid="ignore"):  # NaN and infinity are found later
@@ -111,6 +132,7 @@ class ArrayImage:
     path = None
     file_format = "array"
     notes = ()
+    largest = given = None
     row_multiple = 1
 
     @classmethod

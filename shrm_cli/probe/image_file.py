@@ -20,7 +20,7 @@ from shrm_cli.files.openimageio import last_noise, oiio, quiet
 from shrm_cli.probe.encoding import Encoding, Layer, choose_layer, encoding_of, radiance_encoding
 from shrm_cli.probe.reader import Reader, check_file, open_input
 from shrm_cli.records import record
-from shrm_cli.vocabulary import PROXY_ATTRIBUTE
+from shrm_cli.vocabulary import PROXY_ATTRIBUTE, RECIPE_ATTRIBUTE
 
 MAX_PIXELS = 2**29
 """The most pixels that an image may have."""
@@ -158,6 +158,17 @@ class ImageFile:
     def largest(self) -> Array | None:
         """The radiance of the largest integers that it can hold, shape (3,); None of floats."""
         return None if self.is_float else self.encoding.linear(np.ones(3, np.float32))
+
+    @property
+    def given(self) -> Array | None:
+        """The radiance that `shrm probe unclip` gave its lamp, shape (3,); None of other files."""
+        text = self._reader.spec.get_string_attribute(RECIPE_ATTRIBUTE)
+        if not text:
+            return None
+        from shrm_cli.files.recipe import unclipped_radiance
+
+        radiance = unclipped_radiance(text)
+        return None if radiance is None else np.array(radiance)
 
     def number(self, name: str) -> float | None:
         """A number of the header, such as Exif's ``ExposureTime``; None where it has none."""

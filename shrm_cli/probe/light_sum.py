@@ -84,6 +84,7 @@ class SumImage:
     file_format: str = "light file"
     """What the sum was read from. One of "light file", "USD stage" and "coefficients"."""
 
+    largest = given = None
     row_multiple = 1
 
     @property
@@ -252,6 +253,11 @@ class LightSum(Probe):
     def series(self) -> Array | None:
         """Coefficients of light that is given by them, in the axes that `matrix` turns."""
         return self.image_of_sum.series
+
+    @property
+    def is_series(self) -> bool:
+        """Whether it is light that is given by its coefficients, and nothing else."""
+        return self.series is not None and not (self.terms or self.discs)
 
     @property
     def may_be_coarse(self) -> bool:

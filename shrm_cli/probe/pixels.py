@@ -9,12 +9,18 @@ from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array, over_channels
 from shrm_cli.errors import ProbeError
+from shrm_cli.messages import percent
 from shrm_cli.probe.image import clear_unused, stack_faces
 from shrm_cli.records import record
 from shrm_cli.sphere.cube import reoriented
 
 if TYPE_CHECKING:
     from shrm_cli.probe.probe import Probe
+
+_CLIPPED = 4
+"""So many pixels that are white are told: fewer are glints."""
+_CONVERTED = 1e-5
+"""How far other primaries may round white."""
 
 
 @dataclass
@@ -34,6 +40,10 @@ class PixelReport:
     energy: float = 0.0
     """`energy_removed` and `energy`: the integral of radiance over the sphere, channels added: what
     clamping took, and what there was before."""
+    white: int = 0
+    white_area: float = 0.0
+    """`white` and `white_area`: pixels that have the largest integer in all channels, and their
+    solid angle; none of floats."""
     notes: tuple[str, ...] = ()
 
     def clear(self) -> None:
@@ -42,9 +52,29 @@ class PixelReport:
             if field.name != "notes":
                 setattr(self, field.name, field.default)
 
-    def warnings(self) -> list[str]:
-        """One line for each thing that a user should know."""
+    def add_white(self, pixels: Array, weights: Array, largest: Array) -> None:
+        """Count the pixels that are white, as cameras leave what is brighter; see `apply`.
+
+        `largest` is the radiance of the largest integers, shape (3,).
+        """
+        is_white = over_channels(np.logical_and, pixels >= (1 - _CONVERTED) * largest)
+        self.white += int(np.count_nonzero(is_white))
+        self.white_area += float(np.broadcast_to(weights, is_white.shape)[is_white].sum())
+
+    @property
+    def is_clipped(self) -> bool:
+        """Whether so many pixels are white that light was cut off there."""
+        return self.white >= _CLIPPED
+
+    def warnings(self, white: bool = True) -> list[str]:
+        """One line for each thing that a user should know; of white pixels only if asked."""
         lines = list(self.notes)
+        if white and self.is_clipped:
+            lines.append(
+                f"{percent(self.white_area / (4 * np.pi))}% of the sphere is white, the end of its "
+                "integers, where light may be far brighter; shrm probe unclip mends a sun by a "
+                "reading"
+            )
         if self.nonfinite:
             lines.append(
                 _pluralized(self.nonfinite, "NaN or infinite pixel was filled from neighbours")

@@ -231,9 +231,12 @@ class Probe(Displayed):
             found["proxy"] = self.proxy.record()
         return {**found, **self.colors}
 
-    def warnings(self) -> list[str]:
-        """What a user should know of its pixels as far as they have been read, with its name."""
-        return [f"{self.name}: {line}" for line in self.report.warnings()]
+    def warnings(self, white: bool = True) -> list[str]:
+        """What a user should know of its pixels as far as they have been read, with its name.
+
+        `white` tells whether to say that integers end at white.
+        """
+        return [f"{self.name}: {line}" for line in self.report.warnings(white)]
 
     @property
     def may_be_coarse(self) -> bool:
@@ -257,7 +260,10 @@ class Probe(Displayed):
             If the file is damaged, or has NaN or infinite pixels that are not to be filled.
         """
         self.report.clear()
+        largest = self.images[0].largest
         for start, pixels, weights in read_blocks(self):
+            if largest is not None:
+                self.report.add_white(pixels, weights, largest)
             yield start, self.policy.apply(pixels, weights, self.report), weights
 
     def in_primaries(self, primaries: tuple[float, ...] | None) -> Probe:

@@ -302,3 +302,13 @@ def test_the_function_makes_the_same(captured):
          "--precision", "float", "-o", "same.exr")  # fmt: skip
     np.testing.assert_array_equal(made.image(), shrm.open_probe("same.exr").image())
     assert made.proxy == shrm.open_probe("same.exr").proxy
+
+
+def test_a_place_without_light_is_told(folder):
+    """A room without openings, around which is light."""
+    write_gltf(folder / "dark.glb", [shapes.box([0, 0, 0], [4, 2, 3])], [("wall", 0.5, 0)])
+    place = ("probe", "capture", "dark.glb", "--at", "1,1,1", "--probe", "white.exr", *SMALL)
+    made = run(*place, "-o", "dark.exr")
+    assert made.code == 0
+    assert made.err.startswith("Warning: dark.exr: nothing lights this place, so that it is black")
+    assert run(*place, "--emit", "wall=1", "-o", "lit.exr").err == ""

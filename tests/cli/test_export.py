@@ -5,6 +5,7 @@ import re
 import sys
 
 import numpy as np
+import OpenEXR
 import pytest
 
 import shrm_cli as shrm
@@ -450,3 +451,48 @@ def test_a_full_disk_leaves_no_folder(folder):
     assert snapshot(folder) == before
     assert not (folder / "new").exists()
     assert not list((folder / "old").iterdir())
+
+
+@pytest.mark.parametrize(
+    ("engine", "name", "is_clipped"),
+    [
+        ("usd", "sun_dome.exr", False),
+        ("blender", "sun_world.exr", False),
+        ("unity", "sun_latlong.exr", True),
+        ("godot", "sun_panorama.exr", True),
+    ],
+)
+def test_light_beyond_half_precision_is_kept_where_floats_are_rendered(
+    folder, engine, name, is_clipped
+):
+    """Engines keep panoramas in halves, where it would become infinite."""
+    pixels = np.full((32, 64, 3), 0.5, np.float32)
+    pixels[10, 20] = 291880, 250000, 70000
+    write_exr(folder / "sun.exr", pixels)
+    made = run("export", "sun.exr", "--for", engine, "-o", "out")
+    assert made.code == 0
+    assert ("brighter than RGBA16F holds (65504) were clipped" in made.err) == is_clipped
+    assert ("clipped" in made.err) == is_clipped
+    written = OpenEXR.File(str(folder / "out" / name)).channels()["RGB"].pixels
+    assert written.dtype == (np.float16 if is_clipped else np.float32)
+    most = [65504] * 3 if is_clipped else [291880, 250000, 70000]
+    np.testing.assert_array_equal(written.max(axis=(0, 1)), most)
+
+
+def test_a_stage_of_light_beyond_half_precision_is_the_same_light(folder):
+    pixels = np.full((32, 64, 3), 0.5, np.float32)
+    pixels[10, 20] = 291880
+    write_exr(folder / "sun.exr", pixels)
+    assert run("export", "sun.exr", "--for", "usd", "-o", "out").code == 0
+    before, after = (
+        np.array(json.loads(run("info", each, "--json").out)["mean"])
+        for each in ("sun.exr", "out/sun.usda")
+    )
+    np.testing.assert_allclose(after, before, rtol=0.02)
+
+
+def test_light_that_halves_hold_is_exported_in_halves(folder):
+    write_exr(folder / "dim.exr", np.full((32, 64, 3), 0.5, np.float32))
+    assert run("export", "dim.exr", "--for", "usd", "-o", "out").code == 0
+    written = OpenEXR.File(str(folder / "out" / "dim_dome.exr")).channels()["RGB"].pixels
+    assert written.dtype == np.float16

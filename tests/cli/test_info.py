@@ -568,3 +568,17 @@ def test_ktx2_is_for_engines(folder):
     for kept in (20, 100, len(data) - 1):
         (folder / "cut.ktx2").write_bytes(data[:kept])
         assert_refused(run("info", "cut.ktx2"), 1, "cut.ktx2: damaged or truncated; export it")
+
+
+def test_the_irradiance_of_coefficients_is_that_of_the_coefficients(folder):
+    """Not that of their pixels, which are negative nowhere, and so not quite this light."""
+    light = np.array([1.5, 0.5, -0.25, 3.0])[:, None] * [1, 0.5, 0.25]  # 1, y, z, x
+    np.save(folder / "light.npy", light)
+    told = json.loads(run("info", "light.npy", "--json").out)
+    constant, linear = np.pi * np.sqrt(1 / (4 * np.pi)), 2 * np.pi / 3 * np.sqrt(3 / (4 * np.pi))
+    for axis, along in (("X", 3), ("Y", 1), ("Z", 2)):
+        for sign in (1, -1):
+            wanted = constant * light[0] + sign * linear * light[along]
+            found = told["irradiance"][f"{'+' if sign > 0 else '-'}{axis}"]
+            np.testing.assert_allclose(found, wanted, rtol=1e-6)
+    np.testing.assert_allclose(told["mean"], light[0] / np.sqrt(4 * np.pi), rtol=1e-6)

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+from shrm_cli.files.image import write_image
 from shrm_cli.files.png import encode_srgb, write_png
 from shrm_cli.probe.open import open_probe
 from shrm_cli.sphere.grid.latlong import latlong_directions
@@ -100,6 +101,48 @@ def test_a_panorama_of_eight_bits_gets_its_sun(folder):
     np.testing.assert_allclose(found, 8 * shadow, rtol=0.02)
 
 
+@pytest.fixture
+def clipped(tmp_path, monkeypatch):
+    """Write a dim sky whose sun was clipped, and return its pixels, shape (32, 64, 3)."""
+    monkeypatch.chdir(tmp_path)
+    sky = np.full((32, 64, 3), 0.2, np.float32)
+    sky[latlong_directions(64, 32) @ SUN > np.cos(0.12)] = 1.0
+    write_exr(tmp_path / "clip.exr", sky)
+    return sky
+
+
+@pytest.mark.parametrize(
+    ("words", "wanted"),
+    [
+        (("--irradiance", "7"), (7, 7, 7)),
+        (("--card", "0.4"), (6.9813, 6.9813, 6.9813)),
+        (("--card", "0.8", "--albedo", "0.36"), (6.9813, 6.9813, 6.9813)),
+        (("--irradiance", "7,6,5"), (7, 6, 5)),
+    ],
+)
+def test_a_reading_is_one_number_or_three(clipped, words, wanted):
+    """One number was refused, because it is a list of one."""
+    made = run("probe", "unclip", "clip.exr", *words, "-o", "a.exr")
+    assert (made.code, made.err) == (0, "")
+    found = irradiance(open_probe("a.exr").image(), np.array([0.0, 1.0, 0.0]))
+    np.testing.assert_allclose(found, wanted, rtol=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (("--card", "0.01"), "--card gives an irradiance that is below the irradiance 0.6"),
+        (("--irradiance", "0.1"), "--irradiance is below the irradiance 0.6"),
+        (("--ratio", "1.001"), "--ratio is below the irradiance 0.6"),
+    ],
+)
+def test_readings_that_are_too_low_are_named_as_they_were_given(clipped, words, line):
+    made = run("probe", "unclip", "clip.exr", *words, "-o", "a.exr")
+    assert made.code == 2
+    assert line in made.err
+    assert "that clip.exr gives already" in made.err
+
+
 def test_photographs_that_differ_are_told(folder):
     write_exr(folder / "a.exr", photograph(waves, direction(0), SIZE))
     write_exr(folder / "b.exr", photograph(lambda d: waves(3 * d[:, ::-1]), direction(90), SIZE))
@@ -130,3 +173,93 @@ def test_wrong_usage_is_one_line(folder, words, line):
     assert made.code != 0
     assert line in made.err
     assert not (folder / "x.exr").exists()
+
+
+@pytest.fixture
+def sunny(tmp_path, monkeypatch):
+    """Write a sky whose blurred sun was clipped, and what a reading made of it."""
+    monkeypatch.chdir(tmp_path)
+    height = latlong_directions(128, 64) @ SUN
+    glow = 200 * np.exp((height - 1) / 0.04**2)
+    sky = np.minimum(0.2 + glow[..., None] * [1, 0.9, 0.8], 20)
+    write_exr(tmp_path / "clip.exr", sky.astype(np.float32))
+    assert run("probe", "unclip", "clip.exr", "--card", "0.8,0.7,0.6", "-o", "uc.exr").code == 0
+    return tmp_path
+
+
+@pytest.mark.parametrize("words", [(), ("--yaw", "30"), ("--working", "acescg")])
+def test_what_a_reading_made_is_not_clipped(sunny, words):
+    """Its pixels have one value still, but the right one."""
+    for name, is_clipped in (("clip.exr", True), ("uc.exr", False)):
+        assert ("may be clipped" in run("sun", name, *words).err) == is_clipped
+        told = json.loads(run("info", name, *words, "--json").out)
+        assert ("share the maximum" in told["clipped"]) == is_clipped
+        into = ("--brdf", "ggx:roughness=0.5", "-o", f"map_{name}")
+        made = run("prefilter", name, *words, "--sun", "split", *into)
+        assert made.code == 0
+        assert ("may be clipped" in made.err) == is_clipped
+
+
+def test_what_was_clipped_after_a_reading_is_clipped(sunny):
+    """Programs keep the attributes of what they clip again."""
+    made = open_probe("uc.exr").image()
+    recipe = {"probe": "unclip", "radiance": made.max(axis=(0, 1)).tolist()}
+    again = np.minimum(made, 0.5 * made.max())
+    for pixels, is_clipped in ((made, False), (again, True)):
+        write_image("x.exr", pixels, "float", {"shrm:recipe": json.dumps(recipe)})
+        assert ("may be clipped" in run("sun", "x.exr").err) == is_clipped
+    write_image("x.exr", made, "float", {"shrm:recipe": json.dumps({"probe": "unclip"})})
+    assert "may be clipped" in run("sun", "x.exr").err
+
+
+@pytest.fixture
+def panorama(tmp_path, monkeypatch):
+    """Write a picture of 8 bits whose sun is white, and a grey one; no lamp is found in either."""
+    monkeypatch.chdir(tmp_path)
+    directions = latlong_directions(128, 64)
+    sky = np.repeat(0.3 + 0.2 * directions[..., 1:2], 3, axis=-1).astype(np.float32)
+    write_png("grey.png", encode_srgb(sky))
+    glow = 50 * np.exp((directions @ SUN - 1) / 0.03**2)
+    write_png("sky.png", encode_srgb(sky + glow[..., None].astype(np.float32)))
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("sun",),
+        ("prefilter", "--brdf", "ggx:roughness=0.5"),
+        ("prefilter", "--brdf", "ggx:roughness=0.5", "--working", "acescg"),
+        ("prefilter", "--brdf", "ggx:roughness=0.5", "--sun", "split"),
+    ],
+)
+def test_a_sun_that_is_white_in_a_picture_is_told_once(panorama, words):
+    """Its map was dim without a word."""
+    for name, count in (("sky.png", 1), ("grey.png", 0)):
+        made = run(words[0], name, "--linearize", *words[1:])
+        assert made.code == 0
+        told = [line for line in made.err.splitlines() if "shrm probe unclip" in line]
+        assert len(told) == count
+        for line in told:
+            assert line.startswith(f"Warning: {name}: ")
+            assert "% of the sphere is white, the end of its integers" in line
+
+
+@pytest.mark.parametrize(("name", "is_white"), [("sky.png", True), ("grey.png", False)])
+def test_what_mends_a_white_sun_is_advice(panorama, name, is_white):
+    made = run("info", name, "--linearize", "--json")
+    told = json.loads(made.out)
+    assert ("the end of its integers" in told["clipped"]) == is_white
+    assert ("shrm probe unclip" in told["advice"]) == is_white
+    assert made.err == ""
+
+
+def test_floats_of_a_picture_end_at_one(panorama):
+    """Windows and a bright sky are not four times the mean."""
+    write_exr(panorama / "sky.exr", open_probe("sky.png", linearize=True).image())
+    told = json.loads(run("info", "sky.exr", "--json").out)
+    assert "R reaches 1, where pictures of integers end" in told["clipped"]
+    for pixels in (np.ones((16, 32, 3)), np.full((16, 32, 3), 0.5)):
+        pixels[0, 0] = 1
+        write_exr(panorama / "even.exr", pixels.astype(np.float32))
+        assert json.loads(run("info", "even.exr", "--json").out)["clipped"] == ""

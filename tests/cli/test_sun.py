@@ -113,3 +113,17 @@ def test_a_proof_beyond_the_allowed_error_is_a_warning(folder):
     assert "Warning: small.exr: residual and discs change the irradiance by " in found.err
     assert "--error" in found.err
     assert "change the irradiance" not in run("sun", "small.exr").err
+
+
+def test_a_radius_that_no_lamp_has_is_named(folder):
+    """It was said that --count takes more lamps."""
+    found = run("sun", "sky.exr", "--sun-radius", "50")
+    assert found.code == 0
+    assert "0 lamps" in found.out
+    (line,) = found.err.splitlines()
+    assert line.startswith(
+        "Warning: sky.exr: the brightest lamp stays in the residual: a disc of 50 "
+    )
+    assert "give another --sun-radius, or leave it out" in line
+    assert "--count" not in line
+    assert "stays" not in run("sun", "sky.exr", "--sun-radius", "1").err

@@ -372,7 +372,7 @@ def test_everything_is_said(probe, tmp_path, name):
     assert made.warnings == []
 
 
-@pytest.mark.parametrize("name", MINE)
+@pytest.mark.parametrize("name", sorted({*MINE} - {"blender", "usd"}))  # which take floats
 def test_bright_light_is_clipped_with_one_warning_a_file(tmp_path, name):
     image = np.ones((32, 64, 3))
     image[5, 9] = 1e6

@@ -10,6 +10,7 @@ from shrm_cli.lights.split import split_lamps
 from shrm_cli.probe.make import studio
 from shrm_cli.probe.open import open_probe
 from shrm_cli.probe.probe import Probe
+from shrm_cli.probe.shared import shared
 from tests.lights import rooms
 from tests.lights.rooms import unit
 
@@ -130,8 +131,10 @@ def test_boxes_at_the_end_of_integers_are(tmp_path):
     image = BOXES["a small even box"]
     write_png(tmp_path / "a.png", encode_srgb(image * np.where(image > 10, 0.06, 0.006)))
     probe = open_probe(tmp_path / "a.png", linearize=True)
-    assert "R reaches 1, the end of its integers" in probe_statistics(probe, 0).clipped
-    assert "R reaches 1, the end of" in split_lamps(probe, largest=0.2).lamps[0].clipped
+    converted = open_probe(tmp_path / "a.png", linearize=True, working="acescg")
+    for each in (probe, shared(probe), converted):  # as maps share it, and in other primaries
+        assert "R reaches 1, the end of its integers" in probe_statistics(each, 0).clipped
+        assert "R reaches 1, the end of" in split_lamps(each, largest=0.2).lamps[0].clipped
 
 
 def test_blocks_of_rows_tell_what_the_whole_does():

@@ -47,7 +47,7 @@ class Blender(PanoramaEngine):
 
     def add_panorama(self, made: Package, image: Array, light: Light) -> None:
         name, script = f"{light.name}_world.exr", f"{light.name}_world.py"
-        add_exr(made, name, rolled(image, 90), light)
+        add_exr(made, name, rolled(image, 90), light, "auto")
         made.add_text(script, _SCRIPT.format(name=ascii(light.name), file=ascii(name)))
         made.told.append(
             "directions (x, y, z) are Blender's (x, -z, y), as its glTF importer has it; the "

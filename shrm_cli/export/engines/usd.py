@@ -19,7 +19,7 @@ class Usd(PanoramaEngine):
         name, layer = f"{light.name}_dome.exr", f"{light.name}.usda"
         if "@" in name or not name.isprintable():
             name = "dome.exr"  # USD has no way to write such names
-        add_exr(made, name, image, light)
+        add_exr(made, name, image, light, "auto")
         made.add_text(layer, usd_layer("Dome", name, light.discs))
         lamps = ", and a DistantLight for each lamp" if light.discs else ""
         made.told.append(f"a DomeLight_1 whose pole is +Y{lamps}")
