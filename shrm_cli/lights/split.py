@@ -21,8 +21,10 @@ from shrm_cli.lights.pixels import SpherePixels, near
 from shrm_cli.lights.search import LARGEST, find_regions
 from shrm_cli.maps.irradiance.irradiance import lambert_factors
 from shrm_cli.messages import whole_number
+from shrm_cli.probe.coarse import shown_sum
 from shrm_cli.probe.disc import Disc, disc_coefficients, radius_of, zonal_of_discs
 from shrm_cli.probe.image import ArrayImage
+from shrm_cli.probe.light_sum import LightSum
 from shrm_cli.probe.lighting import project
 from shrm_cli.probe.open import AnyProbe, as_probe
 from shrm_cli.probe.pixels import PixelPolicy
@@ -247,6 +249,8 @@ def split_lamps(
     if sun_radius is not None and not 0 < sun_radius <= 90:
         raise ArgumentError("sun_radius", f"is {sun_radius}; give more than 0 to 90 degrees")
     probe = as_probe(probe)
+    if isinstance(probe, LightSum):
+        probe = shown_sum(probe)
     coarse = coarse_probe(probe, LEAST_ROWS)
     image = coarse.image()
     pixels = SpherePixels(coarse.grid)

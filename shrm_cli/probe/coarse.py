@@ -29,8 +29,7 @@ from shrm_cli.sphere.grid.latlong import LatLong, sample_latlong_cubic
 from shrm_cli.vocabulary import COARSE_ROWS
 
 if TYPE_CHECKING:
-    from shrm_cli.probe.light_sum import LightSum, SumImage
-    from shrm_cli.probe.nonnegative import PositivePart
+    from shrm_cli.probe.light_sum import LightSum
 
 _BEYOND = 1e-4
 """The part of the light's energy that its degrees may miss or have too much: 1 % as RMS."""
@@ -110,15 +109,16 @@ def _fine_sum(light: "LightSum") -> "LightSum":
             term = replace(term, probe=replace(fine, report=said))
         terms.append(term)
     image = replace(image, terms=tuple(terms))
-    if image.positive_part is not None:
-        image = _without_negatives(image, image.positive_part)
-    return replace(light, image_of_sum=image, images=(image,))
+    return shown_sum(replace(light, image_of_sum=image, images=(image,)))
 
 
-def _without_negatives(image: "SumImage", part: "PositivePart") -> "SumImage":
-    """Return a sum whose series, which is negative somewhere, is a probe of what pixels show."""
+def shown_sum(light: "LightSum") -> "LightSum":
+    """Return a sum of lights as pixels show it, which no series is negative in."""
     from shrm_cli.probe.light_sum import Term
 
+    image, part = light.image_of_sum, light.image_of_sum.positive_part
+    if part is None:
+        return light
     grid = LatLong(image.height)
     pixels = part.at(grid.directions().reshape(-1, 3)).reshape(*grid.shape, 3)
     probe = Probe(
@@ -126,8 +126,11 @@ def _without_negatives(image: "SumImage", part: "PositivePart") -> "SumImage":
         image.terms[0].probe.chromaticities if image.terms else None,
         (_Parts(pixels.astype(np.float32), image.name, ()),),
     )  # fmt: skip
-    terms = (*image.terms, Term(probe, np.ones(3)))
-    return replace(image, terms=terms, series=None, notes=(*image.notes, part.told))
+    image = replace(
+        image, terms=(*image.terms, Term(probe, np.ones(3))), series=None,
+        notes=(*image.notes, part.told),
+    )  # fmt: skip
+    return replace(light, image_of_sum=image, images=(image,))
 
 
 def _over_rim(image: Array, used: NDArray[np.bool_]) -> Array:

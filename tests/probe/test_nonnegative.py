@@ -121,6 +121,13 @@ def test_split_sums_are_of_the_light_that_pixels_show(nine):
     assert all(level.min() > -0.01 * level.max() for level in made.levels)
 
 
+def test_lamps_are_looked_for_in_what_pixels_show(nine):
+    """What is left without any is the light itself, whose degrees do not end."""
+    split = shrm.split_lamps(nine)
+    assert split.proof.rms < 1e-3
+    assert not split.changed
+
+
 def test_it_is_added_to_other_lights_as_a_probe(tmp_path, nine):
     """A disc beside it stays exact, and nothing is counted twice."""
     nine.rename(tmp_path / "sh.npy")
