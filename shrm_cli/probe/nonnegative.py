@@ -25,15 +25,15 @@ from shrm_cli.sphere.harmonics import order_of, real_harmonics
 _KEPT = 8
 """The last degree whose coefficients the light has. What irradiance has of further ones is less
 than a hundredth of what it has of a point."""
-_LEAST_ROWS, _ROWS_OF_DEGREE = 64, 4
-"""The rows of the lat-long that integrals are taken on: so many, or so many times the degrees."""
+_ROWS = 128
+"""The rows of the lat-long that integrals are taken on, some four times the most degrees."""
 _BOUND = 1e-4
 """What the squares of multipliers count. So far are the coefficients off in parts of themselves of
 degree 2, and a hundredth in what surfaces receive of eight degrees of a studio, the worst probe."""
 _SETTLED = 1e-6
 """The part of the coefficients that the gradient falls below at the end."""
-_STEPS, _HALVES = 60, 20
-"""The most steps, of which some twenty are needed, and the most halves of each."""
+_STEPS = 60
+"""The most steps, of which some twenty are needed."""
 _ALIKE = 0.1
 """The part of the coefficients that may differ; what is negative on the whole, as light that is
 taken away from another, is left alone."""
@@ -77,7 +77,7 @@ def without_negatives(coefficients: Array) -> PositivePart | None:
         coefficients, not even nearly.
     """
     order = order_of(len(coefficients))
-    grid = LatLong(max(_LEAST_ROWS, _ROWS_OF_DEGREE * (order + 1)))
+    grid = LatLong(_ROWS)
     directions = grid.directions().reshape(-1, 3)
     weights = np.broadcast_to(grid.weights(), grid.shape).ravel()
     light = radiance_of(coefficients, directions)
@@ -128,12 +128,8 @@ def _multipliers(basis: Array, weights: Array, series: Array, wanted: Array) -> 
         hessian = (shown.T * weights[light > 0]) @ shown
         hessian[np.diag_indices_from(hessian)] += _BOUND
         step = np.linalg.solve(hessian, gradient)
-        for _ in range(_HALVES):
-            further, further_light = lit(x - step)
-            if further < value:
-                break
-            step /= 2
-        else:  # rounding is all that is left
+        further, further_light = lit(x - step)
+        if further >= value:  # rounding is all that is left
             break
         x, value, light = x - step, further, further_light
     return x

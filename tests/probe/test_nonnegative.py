@@ -52,6 +52,20 @@ def test_it_has_the_coefficients_and_is_negative_nowhere(order, allowed, rule):
     )
 
 
+@pytest.mark.parametrize("order", [3, 8, 24])
+def test_a_small_lamp_is_nearly_kept(order, rule):
+    """Of a point only itself has the coefficients; surfaces receive the same to some percent."""
+    directions, _ = rule
+    axis = oracles.random_directions(np.random.default_rng(2))
+    light = (directions @ axis > 0.99)[:, None] * np.ones(3)
+    series = coefficients_of(50.0 * light + 0.01, order, rule)
+    degree = np.repeat(np.arange(3), 2 * np.arange(3) + 1)
+    received = np.array([1, 2 / 3, 1 / 4])[degree, None]
+    found = coefficients_of(without_negatives(series).at(directions), 2, rule)
+    wrong, whole = (np.linalg.norm(received * each) for each in (found - series[:9], series[:9]))
+    assert wrong < 0.03 * whole
+
+
 @pytest.mark.parametrize("order", [2, 4, 10])
 def test_no_light_of_the_same_coefficients_is_nearer(order, rule):
     """Others are what the coefficients are of, and mixtures of both."""
