@@ -9,6 +9,7 @@ import pytest
 from research.bilinear import centers
 from shrm_cli.maps.file import open_map
 from shrm_cli.vocabulary import NO_TAPS
+from tests import oracles
 from tests.cli.helpers import ROOT, done, polynomial_light, write_exr
 from tests.ggx import lobe
 
@@ -83,6 +84,7 @@ def test_decoders_are_short():
         ("shrm", "shrm", ("--brdf", "ggx:roughness=0.5", "--frame", "global")),
         ("shrm", "shrm", ("--brdf", "ggx:roughness=0.5", "--frame", "local")),
         ("shrm", "shrm", ("--brdf", "lambertian")),
+        ("shrm", "shrm", ("--brdf", "ggx:roughness=0.5", "--compress", "pca:4")),
         ("principal", "principal", ("--brdf", "ggx:roughness=0.5", "--maps", 16)),
         ("principal", "principal", ("--brdf", "ggx:roughness=0.5", "--maps", 9, "--divide")),
         ("principal", "principal", ("--brdf", "charlie:roughness=0.4", "--maps", 9)),
@@ -95,6 +97,28 @@ def test_decoders_are_short():
 def test_forms_of_a_material(page, made, scene, form, name, options):
     path, shown = made("--to", form, "--size", SIZE, *options)
     around, views = scene
+    normals = normals_of(shown.center, around, views)
+    close(page[name](path, normals, views), shown.radiance(normals, views))
+
+
+@pytest.mark.parametrize(
+    ("form", "name", "options"),
+    [
+        ("shrm", "shrm", ("--brdf", "ggx:roughness=0.5")),
+        ("shrm", "shrm", ("--brdf", "lambertian", "--compress", "pca:1")),
+        ("principal", "principal", ("--brdf", "ggx:roughness=0.5", "--maps", 9)),
+        ("kautz-mccool", "kautz_mccool", ("--brdf", "ggx:roughness=0.5")),
+        ("cabral", "cabral", ("--brdf", "ggx:roughness=0.5")),
+        ("lightfield", "light_field", ("--brdf", "lambertian", "--views", 5)),
+    ],
+)
+def test_cubes_whose_texels_lie_on_the_edges(page, made, form, name, options):
+    """At texels that are on no edge, where nothing is interpolated."""
+    path, shown = made("--to", form, "--size", SIZE, "--map-sampling", "border", *options)
+    rng = np.random.default_rng(9)
+    texels = oracles.cube_texels(SIZE, "border")[:, 1:-1, 1:-1].reshape(-1, 3)
+    around = texels[rng.choice(len(texels), COUNT, replace=False)]
+    views = unit(unit(rng.normal(size=(COUNT, 3))) + 1.1 * around)
     normals = normals_of(shown.center, around, views)
     close(page[name](path, normals, views), shown.radiance(normals, views))
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
-from shrm_cli.automatic import automatic_choice
+from shrm_cli.automatic import choice_text, foreseen
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.environment.lobe import perceptual_roughness
 from shrm_cli.brdf.spec import AnyBrdf, as_brdf
@@ -339,27 +339,34 @@ def _chosen(
     work.end()
     warnings = [f"{name}: {line}" for line in missing]
     found = decided(probe.name, name, goal, budget, offers, warnings)
-    if found.is_kept:
-        return found
-    asked = {"brdf": brdf, "error": goal.error, "seen": goal.wrong_share, "max_size": most}
-    return replace(found, warnings=(*warnings, *_aside(probe, asked)))
+    count = 0 if brdf.center == "tangent" else len(split_of(probe).discs)
+    if count:
+        asked = {"brdf": brdf, "error": goal.error, "seen": goal.wrong_share, "max_size": most}
+        found = replace(found, lamps=count)
+        warnings += _aside(probe, found, asked)
+    return replace(found, warnings=tuple(warnings))
 
 
-def _aside(probe: Probe, asked: Mapping[str, Any]) -> list[str]:
-    """Return a line about lamps, which `to` auto may put beside a map; none where it cannot.
+def _aside(probe: Probe, choice: Choice, asked: Mapping[str, Any]) -> list[str]:
+    """Return a line about lamps, which `to` auto may put beside a map; none where it gains nothing.
 
     `asked` is what `to` auto would be asked, under the names of its arguments.
     """
-    count = 0 if asked["brdf"].center == "tangent" else len(split_of(probe).discs)
-    if not count:
+    # It looks for a map beside lamps where the best one of all light is larger.
+    least = choice.recommended.bytes if choice.is_kept and choice.recommended else None
+    if least is not None and least <= policy.LARGE:
         return []
     try:
-        would = f": it would make {automatic_choice(probe, Request.of(AUTO, asked, probe))}"
+        would = foreseen(probe, Request.of(AUTO, asked, probe))
     except ShrmError:  # of a budget in which nothing fits
-        would = ""
+        made = ""
+    else:
+        if least is not None and would.bytes >= least:
+            return []
+        made = f": it would make {choice_text(would)}"
     return [
-        f"the probe has {counted(count, 'lamp')}, with which these maps are made; shrm prefilter, "
-        f"without `to`, puts lamps beside a map where that is better{would}"
+        f"the probe has {counted(choice.lamps, 'lamp')}, with which these maps are made; shrm "
+        f"prefilter, without `to`, puts lamps beside a map where that is better{made}"
     ]
 
 

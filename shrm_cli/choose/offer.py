@@ -95,7 +95,10 @@ class Choice:
     is_kept : bool
         Whether it keeps the goal.
     warnings : tuple of str
-        Why forms are missing.
+        Why forms are missing, and what ``to="auto"`` would make where lamps beside a map may be
+        better.
+    lamps : int
+        How many lamps of the probe could lie beside a map of the material. They are in all offers.
 
     Examples
     --------
@@ -112,6 +115,7 @@ class Choice:
     recommended: Offer | None
     is_kept: bool
     warnings: tuple[str, ...] = ()
+    lamps: int = 0
 
     def _repr_html_(self) -> str:
         """Return the offers as a table, which notebooks show; the recommended one is bold."""

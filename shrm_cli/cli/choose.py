@@ -140,6 +140,7 @@ def _values(path: str, choice: shrm.Choice) -> dict[str, Any]:
         if choice.recommended is None
         else choice.offers.index(choice.recommended),
         "is_kept": choice.is_kept,
+        "lamps": choice.lamps,
         "offers": [{name: getattr(each, name) for name in _SAID} for each in choice.offers],
     }
 
@@ -193,7 +194,8 @@ def _advice(path: str, choice: shrm.Choice) -> list[str]:
         return []
     asked = f"{choice.goal.error:.2g} RMS error and {choice.goal.wrong_share:.0%} of wrong pixels"
     if choice.is_kept:
-        why = f"the fewest bytes that keep {asked}"
+        of = ", of maps with the lamps in them," if choice.lamps else ""
+        why = f"the fewest bytes{of} that keep {asked}"
     else:
         why = f"nothing{room} keeps {asked}; this is the least wrong"
     lines = [f"  take {best.form}, {best.what}, {bytes_text(best.bytes)}: {why}"]

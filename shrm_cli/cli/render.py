@@ -270,19 +270,19 @@ def _exposed(
     """Return the film and its pictures, which exposure would show those that show nothing, and
     whether nothing moves.
 
-    The first picture tells which exposure shows something, unless one is asked for.
+    The subject in the first picture tells which exposure shows something, unless one is asked for.
     """
     from shrm_cli.render.image import exposure_advice, shown_at
     from shrm_cli.render.moving import told_of_rest
 
     drawn = film.tiles(progress)
-    tiles = next(drawn)
-    film = replace(film, exposure=shown_at(path, *tiles, asked=asked))
+    tiles, of_subject = next(drawn), film.of_subject
+    film = replace(film, exposure=shown_at(path, *map(of_subject, tiles), asked=asked))
     first = film.put_together(tiles)
     doubts = [
         line
         for label, part in film.parts(first)
-        for line in exposure_advice(path, part, film.exposure, label)
+        for line in exposure_advice(path, of_subject(part), film.exposure, label)
     ]
     doubts += [f"{pattern}: {line}" for line in told_of_rest(film.moments)]
     return film, chain([first], map(film.put_together, drawn)), doubts

@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from shrm_cli.files.image import Picture
 from shrm_cli.maps.base import Map
@@ -17,7 +18,15 @@ from shrm_cli.probe.resample import coarse_probe
 from shrm_cli.progress import Progress, Stages
 from shrm_cli.records import record
 from shrm_cli.render.boxed import Placed, outside
-from shrm_cli.render.camera import DEFAULT_FOV, Lens, Viewer, aimed, background_rows
+from shrm_cli.render.camera import (
+    DEFAULT_FOV,
+    Lens,
+    Viewer,
+    aimed,
+    background_rows,
+    pixel_centers,
+    sphere_coverage,
+)
 from shrm_cli.render.image import expose
 from shrm_cli.render.lit import in_same_primaries, one_of, shaded_maps
 from shrm_cli.render.mesh import MeshSubject
@@ -41,6 +50,10 @@ class SphereSubject:
     def background(self, surroundings: Surroundings, viewer: Viewer) -> Picture:
         """Draw what is behind the sphere; see `render_background`."""
         return render_background(surroundings, viewer, self.size)
+
+    def covers(self, viewer: Viewer) -> NDArray[np.bool_]:
+        """Return which pixels show nothing but the sphere, which looks alike to all viewers."""
+        return sphere_coverage(self.size, *pixel_centers(self.size, 0, self.size)) == 1
 
     def draw(
         self, material: Reflecting, viewer: Viewer, background: Picture | None, progress: Progress
@@ -194,6 +207,21 @@ class Film:
         if layout is None:
             return [("", picture)]
         return list(zip(self.labels, layout.cut(picture), strict=True))
+
+    def of_subject(self, picture: Picture) -> Picture:
+        """Return the pixels of a material in the first picture, shape (n, 3), or (H, W, 3).
+
+        What is behind is left out, where anything is: it says nothing about an exposure.
+        """
+        return picture if self._covered is None else picture[self._covered]
+
+    @cached_property
+    def _covered(self) -> NDArray[np.bool_] | None:
+        """Which pixels of the first picture show the subject; None where nothing is behind it."""
+        if self.skies[0] is None:
+            return None
+        covered: NDArray[np.bool_] = self.drawing.subject.covers(self.moments[0].viewer)
+        return covered
 
     @cached_property
     def _first(self) -> Scene:

@@ -88,6 +88,15 @@ class MeshSubject:
             picture[block] = surroundings.radiance(directions)
         return picture
 
+    def covers(self, viewer: Viewer) -> NDArray[np.bool_]:
+        """Return which pixels show nothing but the mesh, as far as their corners tell."""
+        blocks = []
+        for rows in self._row_blocks():
+            x, y = self._points(rows.start, rows.stop, corners=True)
+            met = (self._cast(viewer, x.ravel(), y.ravel()).faces >= 0).reshape(x.shape)
+            blocks.append(met[:-1, :-1] & met[:-1, 1:] & met[1:, :-1] & met[1:, 1:])
+        return np.concatenate(blocks)
+
     def draw(
         self,
         reflectors: Reflectors,

@@ -11,6 +11,7 @@ from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.choose import choose
 from shrm_cli.choose.choose import Truth
 from shrm_cli.errors import ArgumentError
+from shrm_cli.maps.lamps.map import LampMap
 from shrm_cli.maps.principal.plan import Sharing
 from shrm_cli.maps.principal.proposal import Proposals, predicted_wrong_share
 from shrm_cli.maps.request import Request
@@ -18,6 +19,7 @@ from shrm_cli.maps.shrm.proposals import ShrmProposals
 from shrm_cli.maps.size import TRIED_SIZES
 from shrm_cli.maps.splitsum.split_sum import BrushedSplitSum
 from shrm_cli.plan import policy
+from shrm_cli.plan.search import Candidate
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.reference import Reference
 from tests.brute_force import unit
@@ -275,12 +277,17 @@ def test_surfaces_brushed_along_the_tangent_alone_have_no_taps():
     assert {offer.form for offer in found.offers} == {"principal"}
 
 
-def test_lamps_that_no_form_holds_are_told_of():
-    """No map of this sun is right in few bytes, and one with a disc beside it is."""
+@pytest.fixture
+def sun():
+    """Clouds with a sun of one pixel, on 64 rows."""
     rng = np.random.default_rng(1)
     pixels = np.kron(rng.random((8, 16, 3)), np.ones((8, 8, 1)))
     pixels[20, 40] = 3000
-    sun = shrm.Probe.from_array(pixels.astype(np.float32), layout="latlong")
+    return shrm.Probe.from_array(pixels.astype(np.float32), layout="latlong")
+
+
+def test_lamps_that_no_form_holds_are_told_of(sun):
+    """No map of this sun is right in few bytes, and one with a disc beside it is."""
     (found,) = shrm.choose(sun, "lambertian", budget=100)
     assert not found.is_kept
     assert "has 1 lamp," in found.warnings[-1]
@@ -293,6 +300,36 @@ def test_lamps_that_no_form_holds_are_told_of():
     (found,) = shrm.choose(light(1, 0.0), "lambertian", budget=100)
     assert not found.is_kept
     assert not found.warnings
+
+
+@pytest.mark.proof
+def test_lamps_are_told_of_where_they_make_a_large_map_small(sun):
+    (found,) = shrm.choose(sun, "ggx:roughness=0.3")
+    assert found.is_kept
+    assert found.lamps == 1
+    assert found.recommended.bytes > policy.LARGE
+    made = shrm.prefilter(sun, "ggx:roughness=0.3")
+    assert isinstance(made, LampMap)
+    assert f"it would make {made.representation} in " in found.warnings[-1]
+
+
+@pytest.mark.parametrize(
+    ("large", "bytes_beside", "is_told"),
+    [(policy.LARGE, 100, False), (10_000, 100, True), (10_000, 10**6, False)],
+)
+def test_lamps_are_told_of_where_a_large_map_keeps_the_goal(
+    sun, monkeypatch, large, bytes_beside, is_told
+):
+    """A map of 21 kB keeps it, which is large where 10 kB are; one beside lamps may be smaller."""
+    beside = Candidate("shrm", bytes_beside, 1, 0.01, lambda: 0.01, lambda: None)
+    monkeypatch.setattr(policy, "LARGE", large)
+    monkeypatch.setattr(choose, "foreseen", lambda probe, request: beside)
+    (found,) = shrm.choose(sun, "phong:exponent=100")
+    assert found.is_kept
+    assert found.lamps == 1
+    assert bool(found.warnings) == is_told
+    if is_told:
+        assert "it would make shrm in 100 bytes or more, with 1% RMS error" in found.warnings[-1]
 
 
 def test_split_sums_of_other_brdfs_are_offered():

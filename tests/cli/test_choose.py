@@ -60,6 +60,15 @@ def test_the_command_that_is_told_makes_the_map():
     assert "irradiance" in taken[0]
 
 
+def test_fewest_bytes_are_said_to_be_of_maps_with_the_lamps_in_them():
+    assert ": the fewest bytes that keep" in done("choose", "p.exr", "--brdf", MATTE)
+    pixels = np.full((32, 64, 3), 0.5, dtype=np.float32)
+    pixels[10, 20] = 900
+    write_exr("sun.exr", pixels)
+    text = done("choose", "sun.exr", "--brdf", MATTE)
+    assert ": the fewest bytes, of maps with the lamps in them, that keep" in text
+
+
 def test_ranges_are_told_as_the_command_takes_them():
     (choice,) = shrm.choose("p.exr", "ggx:roughness=0.3")
     (offer,) = (each for each in choice.offers if each.arguments and each.arguments["to"] == "she")

@@ -25,6 +25,7 @@ from shrm_cli.render.camera import Viewer
 from shrm_cli.render.drawing import SphereSubject
 from shrm_cli.render.sphere import render_background, render_sphere
 from tests.cli.helpers import NO_MODULES, told_to_bars
+from tests.geometry.shapes import icosphere, obj
 from tests.render.materials import furnace, spot, under_random_light
 
 P3 = (0.68, 0.32, 0.265, 0.69, 0.15, 0.06, 0.3127, 0.329)
@@ -282,6 +283,28 @@ def test_an_exposure_that_nobody_named_shows_the_picture(folder):
     np.testing.assert_allclose(read("ball.exr")[16, 16, :3], 64, rtol=1e-3)
     result = run("bright.exr", "--size", 32, "--exposure", 0, "-o", "ball.png")
     assert "Warning: ball.png: all but white at an exposure of 0; --exposure -7.25" in result.stderr
+
+
+@pytest.mark.parametrize("mesh", [False, True])
+@pytest.mark.parametrize(("level", "behind"), [(0.7, 0.01), (0.2, 90.0), (0.2, 1e-4)])
+def test_what_is_behind_changes_no_exposure(folder, mesh, level, behind):
+    """Most of a white ball before a dim wall was white, and bright walls hid that a ball is."""
+    light = np.zeros((9, 3))
+    light[0], light[2] = 0.2 * np.sqrt(4 * np.pi), 0.8 * np.sqrt(4 * np.pi / 3)
+    Irradiance(np.pi * level * light, MapInfo(2, 0, 0.03, 1.0, 0.0)).save(folder / "ball.exr")
+    write_image(folder / "wall.exr", np.full((16, 32, 3), behind, np.float32), "float")
+    (folder / "ball.obj").write_bytes(obj(*icosphere(2)))
+    drawn = ["ball.exr", "--size", 64, *(["--mesh", "ball.obj"] if mesh else [])]
+    alone = json.loads(done(*drawn, "-o", "alone.png", "--json"))
+    drawn, is_white = [*drawn, "--background", "wall.exr"], level > 0.5
+    before = json.loads(done(*drawn, "-o", "wall.png", "--json"))
+    assert before["exposure"] == alone["exposure"]
+    assert (alone["exposure"] < 0) == is_white
+    options = ["--exposure", -9, "-o", "wall.png"]
+    told = "wall.png: all but black at an exposure of -9"
+    assert (told in run(*drawn, *options).stderr) == (not is_white)
+    told = "Warning: wall.png, ball: all but black"
+    assert run("ball.exr", *drawn, *options).stderr.count(told) == (0 if is_white else 2)
 
 
 def test_pictures_are_drawn_once_whatever_shows_them(folder, monkeypatch):
