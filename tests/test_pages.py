@@ -4,9 +4,12 @@ import re
 import shlex
 import subprocess
 import tomllib
+from functools import partial
+from types import SimpleNamespace
 
 import click
 import numpy as np
+import OpenEXR
 import pytest
 
 from shrm_cli import __release__
@@ -91,6 +94,34 @@ def test_the_first_lines_of_the_readme_print_what_it_says(tmp_path, monkeypatch)
     told = re.search(r"^    (lacquer\.shrm\.exr: .*?)\n\n", text, re.M | re.S)[1]
     told, made = (re.sub(r"[\d,]+ bytes", "", each).split() for each in (told, said[1]))
     assert told == made
+
+
+def test_formulas_of_engine_programmers_fit_their_tables(tmp_path, monkeypatch):
+    """Each after the line that makes its table; both reflect alike, but what is lost in metals."""
+    monkeypatch.chdir(tmp_path)
+    text = (ROOT / "docs" / "howto" / "engine.md").read_text()
+    pairs = re.findall(
+        r"shrm (dfg[^\n]*?) -o dfg\.\w+\n```\n\n`radiance = level\(R, roughness\) \* (.*?)`", text
+    )
+    assert len(pairs) == len(re.findall("^shrm dfg", text, re.M)) == 2
+    single, several = (partial(reflected, *pair) for pair in pairs)
+    np.testing.assert_allclose(several(1.0), 1, atol=1e-3)
+    assert 0.3 < single(1.0).min() < 0.7
+    assert single(1.0).max() < 1.001
+    for f0 in (0.0, 0.04, 0.9):  # the more f0, the more of the energy that is lost comes back
+        gain = 1 + f0 * (1 / single(1.0) - 1)
+        np.testing.assert_allclose(several(f0), single(f0) * gain, rtol=3e-3)
+
+
+def reflected(command, formula, f0):
+    """Evaluate a formula of a shader in all texels of the table that a command makes."""
+    options = ["--size", "16", "--precision", "float", "-o", "t.exr"]
+    assert process(*command.split(), *options).code == 0
+    with OpenEXR.File("t.exr", separate_channels=True) as file:
+        channels = file.parts[0].channels
+        dfg = SimpleNamespace(r=channels["R"].pixels, g=channels["G"].pixels)
+    scope = {"mix": lambda a, b, x: a * (1 - x) + b * x, "dfg": dfg, "f0": f0}
+    return eval(formula, scope)
 
 
 def blocks_of_researchers(language):
