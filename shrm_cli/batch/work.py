@@ -158,6 +158,8 @@ def _do(job: Job, probe: Probe, terms: Terms) -> Record:
     found = _FORCED if terms.force else _difference(job, probe, request)
     if found is None:
         return {"status": "skipped"}
+    if request is not None and os.path.isdir(job.output):
+        check_target(job.output)  # which says that it is a directory, which no `force` replaces
     if not found.is_ours:
         raise exists_error(messages.shown(job.output), found.why)
     if terms.only_looks:

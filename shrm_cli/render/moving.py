@@ -263,6 +263,8 @@ def check_blend(first: Map, second: Map, name: str) -> None:
 
 
 _NUMBER = re.compile(r"%0([1-9]\d?)d")
+_LIKE_NUMBER = re.compile(r"%\d*d")
+"""What is meant as the place of a number, be it one such as `_NUMBER` or not."""
 
 
 def frame_paths(pattern: str, count: int) -> list[str]:
@@ -270,7 +272,7 @@ def frame_paths(pattern: str, count: int) -> list[str]:
     folder, name = os.path.split(pattern)
     if len(_NUMBER.findall(name)) != 1:
         stem, suffix = os.path.splitext(name)
-        bare = re.sub(r"%\d*d", "", stem).rstrip(".")
+        bare = _LIKE_NUMBER.sub("", stem).rstrip(".")
         example = f"{bare or 'frame'}.%04d{suffix}"
         raise OutputError(f"{pattern}: frames need one place for their number, such as {example}")
     before, digits, after = _NUMBER.split(name)
@@ -279,7 +281,7 @@ def frame_paths(pattern: str, count: int) -> list[str]:
 
 def check_one_file(name: str, what: str) -> None:
     """Check that the name of what is one file has no place for a number."""
-    if _NUMBER.search(name):
+    if _LIKE_NUMBER.search(os.path.basename(name)):
         raise OutputError(f"{name}: {what} is one file; leave the number out of its name")
 
 

@@ -103,6 +103,15 @@ def test_a_file_of_the_users_own_is_kept(folder):
     assert is_output("p0.irradiance.exr")
 
 
+@pytest.mark.parametrize("more", [(), ("--force",), ("--dry-run",), ("--dry-run", "--force")])
+def test_a_directory_in_the_place_of_an_output_is_told_as_one(folder, more):
+    """No --force would replace it."""
+    (folder / "p0.irradiance.exr").mkdir()
+    refused = run("batch", "p0.exr", *IRRADIANCE, *more)
+    assert refused.code == 1
+    assert "Failed: p0.irradiance.exr: a directory; name a file to write\n" in refused.err
+
+
 def test_what_begins_with_a_separator_keeps_it(folder):
     """Only a separator that an empty `{folder}` leaves at the front is cut off."""
     for name in ("_p0.exr", "-p0.exr", ".p0.exr"):

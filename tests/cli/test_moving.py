@@ -148,6 +148,10 @@ def test_moving_pictures_that_show_nothing_say_which_exposure_would(folder):
         (["a.exr", "--blend-to", "none.exr"], "none.exr"),
         (["a.exr", "--fps", "3"], "--fps applies to moving pictures"),
         (["a.exr", "-o", "a.%04d.png"], "what is made without --frames is one file; leave"),
+        (["a.exr", "-o", "a%d.png"], "a%d.png: what is made without --frames is one file; leave"),
+        (["a.exr", "-o", "a%4d.exr"], "a%4d.exr: what is made without --frames is one file; leave"),
+        (["a.exr", "-o", "a%d.gif"], "a%d.gif: a moving picture is one file; leave the number"),
+        (["a.exr", "--frames", "2", "-o", "a%d.png"], "one place for their number, such as a.%04d"),
         (["a.exr", "--max-memory", "1GB"], "--max-memory applies to moving pictures"),
         (["a.exr", "--frames", "2", "-o", "a.gif", "--max-memory", "1MB"], "is too little"),
         (["a.exr", "--blend-to", "a.exr", "--background-to", "p.exr"], "applies with --background"),
@@ -159,6 +163,12 @@ def test_what_is_wrong_is_said_in_a_line(folder, arguments, said):
     result = run("render", *arguments)
     assert result.code != 0
     assert said in result.err.splitlines()[-1]
+
+
+def test_folders_may_have_names_like_numbers(folder):
+    (folder / "50%done").mkdir()
+    assert run("render", "a.exr", "--size", "16", "-o", "50%done/a.png").code == 0
+    assert (folder / "50%done" / "a.png").exists()
 
 
 def test_keys_of_a_scene_move_light_and_viewer(folder):
