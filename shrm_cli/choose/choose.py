@@ -325,12 +325,9 @@ def _chosen(
     most = DEFAULT_MAX_SIZE if budget is None else min(budget, DEFAULT_MAX_SIZE)
     with using(work):
         principal = Proposals(light, replace(ASKED, brdf=brdf))
-        held = [principal_rows(principal)]
+        offers += _offers_of(principal_rows(principal), goal, most, probe, brdf)
         if brdf.isotropic:  # an SHRM knows no tangent
-            held.append(shrm_rows(light, brdf, principal))
-        for rows in held:
-            known = dict.fromkeys([*_ladder(rows), *_for_goal(rows, goal, most)])
-            offers += [_offer(each, probe, brdf) for each in known]
+            offers += _offers_of(shrm_rows(light, brdf, principal), goal, most, probe, brdf)
     for form, setting in others_of(brdf, missing):
         try:
             offers += made_offers(form, setting, probe, brdf, truth, work)
@@ -403,13 +400,23 @@ def _row_of(maps: Sequence[Known]) -> Row[Candidate[Prefiltered]]:
     return Row(len(maps), lambda index: candidates[index].bytes, candidates.__getitem__)
 
 
+def _offers_of(rows: Rows, goal: Goal, most: int, probe: Probe, brdf: Brdf) -> list[Offer]:
+    """Return the maps of a form that are offered, which nothing else holds on to then."""
+    known = dict.fromkeys([*_ladder(rows), *_for_goal(rows, goal, most)])
+    return [_offer(each, probe, brdf) for each in known]
+
+
 def _offer(known: Known, probe: Probe, brdf: Brdf) -> Offer:
-    """Return a map as an offer."""
-    candidate = known.candidate.exact
+    """Return a map as an offer, without its cubes, which are made again where they are asked for.
+
+    Those of all offers together take 200 to 300 MB.
+    """
+    candidate, make = known.candidate.exact, known.candidate.make
     share = candidate.wrong_share
     assert share is not None  # both forms that are predicted know theirs
+    known.candidate.let_go()
     return Offer(
         candidate.form, known.what, candidate.bytes, candidate.total_error, share,
         (), known.cost.look_ups, known.cost.multiply_adds, known.arguments,
-        Making(probe, brdf, known.arguments, lambda: candidate.make().map),
+        Making(probe, brdf, known.arguments, lambda: make().map),
     )  # fmt: skip

@@ -208,6 +208,10 @@ class Candidate(Generic[M]):
             return self
         return replace(self.find_exact(), find_least_share=lambda: self.wrong_share)
 
+    def let_go(self) -> None:
+        """Forget the map with exact errors, which may hold its cubes."""
+        vars(self).pop("exact", None)
+
     @cached_property
     def wrong_share(self) -> float | None:
         """The predicted share of what is visible whose luminance is wrong, where it is known."""

@@ -1,5 +1,6 @@
 """`shrm.choose` beside a search of all forms, one by one, and beside the truth."""
 
+import gc
 import re
 from functools import partial
 
@@ -13,6 +14,7 @@ from shrm_cli.choose.choose import Truth
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.lamps.map import LampMap
 from shrm_cli.maps.principal.plan import Sharing
+from shrm_cli.maps.principal.principal import PrincipalMap
 from shrm_cli.maps.principal.proposal import Proposals, predicted_wrong_share
 from shrm_cli.maps.request import Request
 from shrm_cli.maps.shrm.proposals import ShrmProposals
@@ -255,6 +257,15 @@ def test_brushed_materials_are_offered_taps_beside_principal_maps(spec):
         assert offer.error == pytest.approx(error, rel=0.3, abs=0.003)
         wrong = np.abs(missed @ LUMINANCE) > 0.05 * (truth @ LUMINANCE)
         assert offer.wrong_share == pytest.approx(wrong.mean(), abs=0.05)
+
+
+def test_offers_hold_no_cubes_before_they_are_made():
+    """Those of all that are judged with their look-ups took hundreds of megabytes together."""
+    (found,) = shrm.choose(light(0, 30), "phong:exponent=32")
+    offers = [each for each in found.offers if each.form == "principal"]
+    gc.collect()
+    assert not [each for each in gc.get_objects() if isinstance(each, PrincipalMap)]
+    assert offers[-1].make().cube_count == offers[-1].look_ups
 
 
 def test_all_taps_share_one_chain(monkeypatch):
