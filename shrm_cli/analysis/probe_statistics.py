@@ -175,11 +175,11 @@ def probe_statistics(probe: AnyProbe, lamps: int = 3) -> ProbeStatistics:
     temperature = None if point is None else color_temperature(*point)
     direction, directionality = _direction(light @ to_xyz[1])
     found = split_lamps(probe).lamps if lamps and mean.any() else ()
-    fine = fine_probe(probe)  # horizons cut large pixels, which are no points
-    of_normals = light if fine is probe else project(fine, _ORDER).coefficients
     if is_series:
         irradiance = _irradiance(light, ())
     else:
+        fine = fine_probe(probe)  # horizons cut large pixels, which are no points
+        of_normals = light if fine is probe else project(fine, _ORDER).coefficients
         irradiance = np.maximum(_irradiance(of_normals, found), 0)
     pixel = 4 * np.pi / (probe.grid.shape[0] * probe.grid.shape[1])
     first = probe.images[0]

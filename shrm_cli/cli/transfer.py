@@ -125,19 +125,16 @@ def transfer(
             write_transfer(target, baked, found)
         else:
             WRITERS[suffix](target, found, baked)
-        if plan.texture is not None:
-            return baked.summary()
-        direct = baked.vectors if baked.direct is None else baked.direct
-        return {**baked.summary(), "error_between": error_between(found, direct)}
+        error = error_between(found, baked)
+        return baked.summary() | ({} if error is None else {"error_between": error})
 
     unchanged = [] if force else [*beside, *([] if output else [target])]
     with progress_bar("tracing") as progress, keeping(*unchanged):
         said = bake(plan, keep=target, use=write, progress=progress)
-    lines = _report(target, plan, said)
+    said = {"file": target, **said, "bytes": Path(target).stat().st_size}
     warnings = _missing(found) if albedo in (None, "mesh") and brdf is None else []
-    warnings += remarks(found, said.get("error_between", 0.0))
-    size = Path(target).stat().st_size
-    conclude({"file": target, **said, "bytes": size}, lines, warnings)
+    warnings += remarks(found, said.get("error_between"))
+    conclude(said, _report(target, plan, said), warnings)
 
 
 def _sites(plan: Plan) -> str:
@@ -147,7 +144,7 @@ def _sites(plan: Plan) -> str:
 
 
 def _report(target: str, plan: Plan, said: dict[str, Any]) -> list[str]:
-    """Return lines about what was written, of which the summary is given."""
+    """Return lines about what was written, of which the facts are given."""
     texels = plan.sites.texels
     of = f"{len(plan.mesh.file_rows):,} in the file"
     if texels is not None:
@@ -155,7 +152,7 @@ def _report(target: str, plan: Plan, said: dict[str, Any]) -> list[str]:
     kinds = "vectors and matrices" if plan.glossy else "vectors"
     lines = [
         f"{target}: transfer {kinds} of {_sites(plan)}, of {of}, order {plan.order}, "
-        f"{plan.bounces} bounces, {Path(target).stat().st_size:,} bytes",
+        f"{plan.bounces} bounces, {said['bytes']:,} bytes",
     ]
     if Path(target).suffix.lower() == ".npz":  # others hold none
         average = ", ".join(f"{each:g}" for each in said["albedo"])

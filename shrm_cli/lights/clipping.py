@@ -11,14 +11,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from shrm_cli.arrays import Array
+from shrm_cli.probe.pixels import CLIPPED, CONVERTED
 from shrm_cli.vocabulary import LARGEST_HALF
 
 HALF_LIMITS = (LARGEST_HALF, 65535.0, 65536.0)
 """The largest number of half precision, and what programs round it to."""
 REACHES = " reaches "
 """What suspicions have that are about the end of what a file holds."""
-_CLIPPED = 4.0
-"""So many pixels of exactly the same largest value are suspected to be clipped."""
 _FAR_BELOW = 0.5
 """A channel whose maximum is below this part of the largest one is not clipped."""
 _OVER_MEAN = 4.0
@@ -45,8 +44,6 @@ _SMOOTH = 1.25
 behind the edge becomes steeper, so that its inner rim is the smaller one."""
 _ROUNDED = 1e-3
 """How far a file may round a radiance: half precision does by half of this."""
-_CONVERTED = 1e-5
-"""How far other primaries may round white."""
 _BINS_A_STOP, _LEAST_STOP, _STOPS = 512, -160, 300
 
 
@@ -90,9 +87,9 @@ class Plateau:
         if self.high in HALF_LIMITS:
             return f"{name}{REACHES}{self.high:g}, the end of half precision"
         count = self.area / pixel
-        if self.high <= 0 or count < _CLIPPED:
+        if self.high <= 0 or count < CLIPPED:
             return ""
-        if end is not None and abs(self.high - end) <= _CONVERTED * end:
+        if end is not None and abs(self.high - end) <= CONVERTED * end:
             where = f"in {self.area / (4 * np.pi):.2%} of the sphere"
             return f"{name}{REACHES}{self.high:g}, the end of its integers, {where}"
         if given is not None and abs(self.high - given) <= _ROUNDED * given:

@@ -99,9 +99,8 @@ def _fine_sum(light: "LightSum") -> "LightSum":
     """Return a sum of the same lights, whose probes are fine."""
     image = light.image_of_sum
     probes = [_refined(term.probe, image.fine_rows) for term in light.terms]
-    is_fine = all(fine is term.probe for fine, term in zip(probes, light.terms, strict=True))
-    if is_fine and image.positive_part is None:
-        return light
+    if all(fine is term.probe for fine, term in zip(probes, light.terms, strict=True)):
+        return shown_sum(light)
     terms = []
     for fine, term in zip(probes, light.terms, strict=True):
         if fine is not term.probe:  # it says what the pixels needed that it was made of
@@ -119,12 +118,10 @@ def shown_sum(light: "LightSum") -> "LightSum":
     image, part = light.image_of_sum, light.image_of_sum.positive_part
     if part is None:
         return light
-    grid = LatLong(image.height)
-    pixels = part.at(grid.directions().reshape(-1, 3)).reshape(*grid.shape, 3)
+    pixels = image.shown_series().astype(np.float32)
     probe = Probe(
-        image.name, grid, "latlong", None, np.eye(3), PixelPolicy(),
-        image.terms[0].probe.chromaticities if image.terms else None,
-        (_Parts(pixels.astype(np.float32), image.name, ()),),
+        image.name, LatLong(image.height), "latlong", None, np.eye(3), PixelPolicy(),
+        light.chromaticities, (_Parts(pixels, image.name, ()),),
     )  # fmt: skip
     image = replace(
         image, terms=(*image.terms, Term(probe, np.ones(3))), series=None,

@@ -202,11 +202,17 @@ class SumImage:
             for start, coverage in disc_rows(disc, self.height):
                 yield start, coverage[..., None] * disc.radiance
         if self.series is not None:
-            from shrm_cli.probe.nonnegative import radiance_of
+            yield 0, self.shown_series()
 
-            directions, part = grid.directions().reshape(-1, 3), self.positive_part
-            light = radiance_of(self.series, directions) if part is None else part.at(directions)
-            yield 0, light.reshape(*grid.shape, 3)
+    def shown_series(self) -> Array:
+        """Return the pixels of the light that is given by coefficients, shape (H, W, 3)."""
+        from shrm_cli.probe.nonnegative import radiance_of
+
+        assert self.series is not None
+        grid, part = LatLong(self.height), self.positive_part
+        directions = grid.directions().reshape(-1, 3)
+        light = radiance_of(self.series, directions) if part is None else part.at(directions)
+        return light.reshape(*grid.shape, 3)
 
 
 @record(eq=False)

@@ -17,9 +17,9 @@ from shrm_cli.sphere.cube import reoriented
 if TYPE_CHECKING:
     from shrm_cli.probe.probe import Probe
 
-_CLIPPED = 4
-"""So many pixels that are white are told: fewer are glints."""
-_CONVERTED = 1e-5
+CLIPPED = 4
+"""So many pixels that end where their file does were clipped: fewer are glints."""
+CONVERTED = 1e-5
 """How far other primaries may round white."""
 
 
@@ -57,14 +57,14 @@ class PixelReport:
 
         `largest` is the radiance of the largest integers, shape (3,).
         """
-        is_white = over_channels(np.logical_and, pixels >= (1 - _CONVERTED) * largest)
+        is_white = over_channels(np.logical_and, pixels >= (1 - CONVERTED) * largest)
         self.white += int(np.count_nonzero(is_white))
         self.white_area += float(np.broadcast_to(weights, is_white.shape)[is_white].sum())
 
     @property
     def is_clipped(self) -> bool:
         """Whether so many pixels are white that light was cut off there."""
-        return self.white >= _CLIPPED
+        return self.white >= CLIPPED
 
     def warnings(self, white: bool = True) -> list[str]:
         """One line for each thing that a user should know; of white pixels only if asked."""

@@ -18,15 +18,7 @@ from shrm_cli.probe.resample import coarse_probe
 from shrm_cli.progress import Progress, Stages
 from shrm_cli.records import record
 from shrm_cli.render.boxed import Placed, outside
-from shrm_cli.render.camera import (
-    DEFAULT_FOV,
-    Lens,
-    Viewer,
-    aimed,
-    background_rows,
-    pixel_centers,
-    sphere_coverage,
-)
+from shrm_cli.render.camera import DEFAULT_FOV, Lens, Viewer, aimed, background_rows, whole_coverage
 from shrm_cli.render.image import expose
 from shrm_cli.render.lit import in_same_primaries, one_of, shaded_maps
 from shrm_cli.render.mesh import MeshSubject
@@ -53,7 +45,7 @@ class SphereSubject:
 
     def covers(self, viewer: Viewer) -> NDArray[np.bool_]:
         """Return which pixels show nothing but the sphere, which looks alike to all viewers."""
-        return sphere_coverage(self.size, *pixel_centers(self.size, 0, self.size)) == 1
+        return whole_coverage(self.size) == 1
 
     def draw(
         self, material: Reflecting, viewer: Viewer, background: Picture | None, progress: Progress

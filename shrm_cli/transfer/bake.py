@@ -299,10 +299,8 @@ def transfer(
     check_call(transfer_plan, mesh, **arguments)
     plan = transfer_plan(mesh, **arguments)
     made: Transfer = bake(plan, progress=progress)
-    if plan.texture is None:
-        direct = made.vectors if made.direct is None else made.direct
-        for line in remarks(plan.mesh, error_between(plan.mesh, direct)):
-            warnings.warn(line, ShrmWarning, stacklevel=2)
+    for line in remarks(plan.mesh, error_between(plan.mesh, made)):
+        warnings.warn(line, ShrmWarning, stacklevel=2)
     return made
 
 

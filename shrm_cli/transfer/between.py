@@ -15,6 +15,7 @@ from shrm_cli.sphere.directions import horizontal_tangents, surface_frames
 from shrm_cli.sphere.harmonics import degrees, order_of
 from shrm_cli.sphere.quadrature import scrambled
 from shrm_cli.transfer.gather import Gathering, sites_at
+from shrm_cli.transfer.transfer import Transfer
 from shrm_cli.vocabulary import DEFAULT_ERROR
 
 _POINTS = 512
@@ -23,13 +24,15 @@ _SAMPLES = 1024
 """The rays of each, along the same directions in its frame as those of vertices."""
 
 
-def error_between(mesh: Mesh, vectors: Array) -> float:
+def error_between(mesh: Mesh, transfer: Transfer) -> float | None:
     """Return the relative RMS error of the irradiance at random points between vertices.
 
-    It is that of light whose coefficients fall as ``1 / (l+1)``, see `shrm_cli.transfer.gather`.
-
-    `vectors` are the transfer vectors of the mesh's vertices, without bounces, shape (v, n, 1).
+    It is that of light whose coefficients fall as ``1 / (l+1)``, see `shrm_cli.transfer.gather`,
+    before any bounce. Of texels it is None.
     """
+    if transfer.texels is not None:
+        return None
+    vectors = transfer.vectors if transfer.direct is None else transfer.direct
     faces, weights = _points(mesh)
     found = mesh.interpolated(vectors[..., 0], faces, weights)
     order = order_of(vectors.shape[1])
@@ -43,9 +46,9 @@ def error_between(mesh: Mesh, vectors: Array) -> float:
     return float(wrong / whole) if whole > 0 else 0.0
 
 
-def remarks(mesh: Mesh, error: float) -> list[str]:
+def remarks(mesh: Mesh, error: float | None) -> list[str]:
     """Return a line about the error between vertices, if it is as large as shows."""
-    if error <= DEFAULT_ERROR:
+    if error is None or error <= DEFAULT_ERROR:
         return []
     return [
         f"{mesh.name}: between its vertices light is off by {error:.0%} (RMS), as its triangles "
