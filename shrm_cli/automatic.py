@@ -57,20 +57,11 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
 
 
 def automatic_choice(probe: Probe, request: Request) -> str:
-    """Say what would be made, without making it; see `foreseen`."""
-    return choice_text(foreseen(probe, request))
-
-
-def foreseen(probe: Probe, request: Request) -> Candidate[Prefiltered]:
-    """Return what would be made, without making it.
+    """Say what would be made, without making it.
 
     It leaves out whether the map would be negative anywhere, for which one of more bytes is made.
     """
-    return _Choice(Forms(probe, request)).foresee()
-
-
-def choice_text(best: Candidate[Prefiltered]) -> str:
-    """Say what a map would be that is foreseen."""
+    best = _Choice(Forms(probe, request)).foresee()
     return f"{best.form} in {bytes_text(best.bytes)} or more, with {best.errors_text} at most"
 
 

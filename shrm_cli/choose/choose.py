@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from shrm_cli.arrays import Array
-from shrm_cli.automatic import choice_text, foreseen
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.environment.lobe import perceptual_roughness
 from shrm_cli.brdf.spec import AnyBrdf, as_brdf
@@ -25,6 +24,7 @@ from shrm_cli.maps import registry
 from shrm_cli.maps.base import Map, ReflectedLight
 from shrm_cli.maps.expansion import Expansion
 from shrm_cli.maps.kinds import LightMap
+from shrm_cli.maps.lamps.map import LampMap
 from shrm_cli.maps.lobes_lit import keeping_light
 from shrm_cli.maps.offers import LookUp, Setting
 from shrm_cli.maps.options import counted, parse_bytes
@@ -33,6 +33,7 @@ from shrm_cli.maps.principal.proposal import Proposals
 from shrm_cli.maps.principal.selection import bundle_degrees
 from shrm_cli.maps.principal.terms import planner_of
 from shrm_cli.maps.request import Prefiltered, Request
+from shrm_cli.maps.seen import as_candidate
 from shrm_cli.maps.shader.cost import Cost, principal_cost, shrm_cost
 from shrm_cli.maps.shrm.proposals import ShrmProposals
 from shrm_cli.maps.size import total_error
@@ -333,38 +334,48 @@ def _chosen(
             offers += made_offers(form, setting, probe, brdf, truth, work)
         except ShrmError as reason:
             missing.append(f"no {form}: {reason}")
-    work.end()
-    warnings = [f"{name}: {line}" for line in missing]
-    found = decided(probe.name, name, goal, budget, offers, warnings)
     count = 0 if brdf.center == "tangent" else len(split_of(probe).discs)
-    if count:
-        asked = {"brdf": brdf, "error": goal.error, "seen": goal.wrong_share, "max_size": most}
-        found = replace(found, lamps=count)
-        warnings += _aside(probe, found, asked)
-    return replace(found, warnings=tuple(warnings))
+    found = decided(probe.name, name, goal, budget, offers)
+    if count and _may_gain_by_lamps_beside(found):
+        offers += _beside_lamps(probe, brdf, goal, budget, work)
+        found = decided(probe.name, name, goal, budget, offers)
+    work.end()
+    return replace(found, lamps=count, warnings=tuple(f"{name}: {line}" for line in missing))
 
 
-def _aside(probe: Probe, choice: Choice, asked: Mapping[str, Any]) -> list[str]:
-    """Return a line about lamps, which `to` auto may put beside a map; none where it gains nothing.
+def _may_gain_by_lamps_beside(choice: Choice) -> bool:
+    """Tell whether `to` auto looks for lamps beside a map: where none of all light is small."""
+    best = choice.recommended
+    return best is None or not choice.is_kept or best.bytes > policy.LARGE
 
-    `asked` is what `to` auto would be asked, under the names of its arguments.
-    """
-    # It looks for a map beside lamps where the best one of all light is larger.
-    least = choice.recommended.bytes if choice.is_kept and choice.recommended else None
-    if least is not None and least <= policy.LARGE:
-        return []
+
+def _beside_lamps(
+    probe: Probe, brdf: Brdf, goal: Goal, budget: int | None, progress: Progress
+) -> list[Offer]:
+    """Return the map that `to` auto makes, if that has the probe's lamps beside it."""
+    arguments: dict[str, Any] = {"to": AUTO}
+    if goal != Goal():
+        arguments |= {"error": goal.error, "seen": goal.wrong_share}
+    if budget is not None:
+        arguments["max_size"] = budget
+    given = {name: value for name, value in arguments.items() if name != "to"}
     try:
-        would = foreseen(probe, Request.of(AUTO, asked, probe))
+        made = prefilter_with_facts(probe, AUTO, {**given, "brdf": brdf}, progress)
     except ShrmError:  # of a budget in which nothing fits
-        made = ""
-    else:
-        if least is not None and would.bytes >= least:
-            return []
-        made = f": it would make {choice_text(would)}"
+        return []
+    if not isinstance(made.map, LampMap):
+        return []
+    known = as_candidate(made)
+    share = known.wrong_share
+    assert share is not None  # both forms that are predicted know theirs
+    cubes, discs = counted(known.look_ups, "cube"), counted(len(made.map.discs), "disc")
+    what = f"{cubes} of {made.map.size}, {discs} beside"
     return [
-        f"the probe has {counted(choice.lamps, 'lamp')}, with which these maps are made; shrm "
-        f"prefilter, without `to`, puts lamps beside a map where that is better{made}"
-    ]
+        Offer(
+            known.form, what, known.bytes, known.total_error, share, (), known.look_ups, None,
+            arguments, Making(probe, brdf, arguments, lambda: made.map),
+        )
+    ]  # fmt: skip
 
 
 def _ladder(rows: Rows) -> Iterator[Known]:

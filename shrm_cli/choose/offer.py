@@ -6,7 +6,6 @@ from html import escape
 from typing import Any
 
 from shrm_cli.maps.base import Map
-from shrm_cli.maps.shader.cost import Cost
 from shrm_cli.plan.search import Candidate, Goal, least_wrong
 from shrm_cli.records import record
 
@@ -31,8 +30,11 @@ class Offer:
     measured : tuple of str
         Which of ``error`` and ``wrong_share`` are no predictions, but measured at some hundred
         points beside the truth.
-    look_ups, multiply_adds : int
-        What its shader takes; see `shrm_cli.maps.shader.cost`.
+    look_ups : int
+        How many textures its shader fetches.
+    multiply_adds : int, optional
+        What its shader multiplies; see `shrm_cli.maps.shader.cost`. None where lamps lie beside a
+        map, whose integrals take what their BRDF takes.
     arguments : dict, optional
         Those of `shrm_cli.prefilter.prefilter` that make it; None where no arguments do.
     make : callable
@@ -55,7 +57,7 @@ class Offer:
     wrong_share: float
     measured: tuple[str, ...]
     look_ups: int
-    multiply_adds: int
+    multiply_adds: int | None
     arguments: Mapping[str, Any] | None
     make: Callable[[], Map] = field(repr=False, compare=False)
     on_front: bool = False
@@ -68,11 +70,6 @@ class Offer:
         return Candidate(
             self.form, self.bytes, self.look_ups, self.error, lambda: self.wrong_share, self.make
         )
-
-    @property
-    def cost(self) -> Cost:
-        """What its shader takes."""
-        return Cost(self.look_ups, self.multiply_adds)
 
 
 @record
@@ -95,10 +92,10 @@ class Choice:
     is_kept : bool
         Whether it keeps the goal.
     warnings : tuple of str
-        Why forms are missing, and what ``to="auto"`` would make where lamps beside a map may be
-        better.
+        Why forms are missing.
     lamps : int
-        How many lamps of the probe could lie beside a map of the material. They are in all offers.
+        How many lamps of the probe could lie beside a map of the material. They are in the cubes of
+        all offers but that which ``to="auto"`` makes.
 
     Examples
     --------
@@ -122,7 +119,7 @@ class Choice:
         rows = [("form", "what", "bytes", "RMS", "wrong", "look-ups", "multiply-adds")]
         rows += [
             (each.form, each.what, f"{each.bytes:,}", f"{each.error:.1%}",
-             f"{each.wrong_share:.1%}", str(each.look_ups), str(each.multiply_adds))
+             f"{each.wrong_share:.1%}", str(each.look_ups), work_text(each))
             for each in self.offers
         ]  # fmt: skip
         lines = []
@@ -132,6 +129,11 @@ class Choice:
             lines.append(f"<tr>{cells}</tr>")
         title = escape(f"{self.probe}, {self.brdf}")
         return f"<table><caption>{title}</caption>{''.join(lines)}</table>"
+
+
+def work_text(offer: Offer) -> str:
+    """Return the multiply-adds of an offer's shader, or a dash where they are not counted."""
+    return "-" if offer.multiply_adds is None else str(offer.multiply_adds)
 
 
 def decided(
@@ -144,13 +146,13 @@ def decided(
 ) -> Choice:
     """Sort offers, mark the fronts, and recommend one."""
     unique = {(each.form, each.what): each for each in offers}.values()
+    costed = [each for each in unique if each.multiply_adds is not None]
     marked = [
         replace(
             each,
             on_front=not any(_beats(other, each, ("bytes",)) for other in unique),
-            on_cost_front=not any(
-                _beats(other, each, ("look_ups", "multiply_adds")) for other in unique
-            ),
+            on_cost_front=each in costed
+            and not any(_beats(other, each, ("look_ups", "multiply_adds")) for other in costed),
         )
         for each in sorted(unique, key=lambda each: (each.bytes, each.error))
     ]

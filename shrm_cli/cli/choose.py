@@ -15,6 +15,7 @@ from shrm_cli.cli.types import BYTES, FRACTION, PATH, option
 from shrm_cli.extras import install
 from shrm_cli.files.whole import note
 from shrm_cli.maps.options import bytes_text
+from shrm_cli.vocabulary import AUTO
 
 _MOST_ROWS = 24
 """The most pairs of a probe and a material that one picture shows."""
@@ -157,6 +158,8 @@ def _report(path: str, choice: shrm.Choice) -> list[str]:
 
 
 def _row(offer: shrm.Offer, is_best: bool) -> tuple[str, ...]:
+    from shrm_cli.choose.offer import work_text
+
     marks = "".join(
         sign if holds else " "
         for sign, holds in ((">", is_best), ("b", offer.on_front), ("c", offer.on_cost_front))
@@ -168,7 +171,7 @@ def _row(offer: shrm.Offer, is_best: bool) -> tuple[str, ...]:
         _share(offer.error, "error" in offer.measured),
         _share(offer.wrong_share, "wrong_share" in offer.measured),
         f"{offer.look_ups}",
-        f"{offer.multiply_adds}",
+        work_text(offer),
         offer.what,
     )
 
@@ -194,7 +197,8 @@ def _advice(path: str, choice: shrm.Choice) -> list[str]:
         return []
     asked = f"{choice.goal.error:.2g} RMS error and {choice.goal.wrong_share:.0%} of wrong pixels"
     if choice.is_kept:
-        of = ", of maps with the lamps in them," if choice.lamps else ""
+        is_beside = best.multiply_adds is None
+        of = ", of maps with the lamps in them," if choice.lamps and not is_beside else ""
         why = f"the fewest bytes{of} that keep {asked}"
     else:
         why = f"nothing{room} keeps {asked}; this is the least wrong"
@@ -214,6 +218,8 @@ def _flags(arguments: Mapping[str, Any], brdf: str) -> list[str]:
     words = ["--brdf", brdf] if form.needs_brdf else []
     ranges = {each.name for each in form.options if each.kind == "interval"}
     for name, value in arguments.items():
+        if value == AUTO:  # what is made where nothing is named
+            continue
         word = "..".join(map(str, value)) if name in ranges else options.value_word(value)
         words += [f"--{name.replace('_', '-')}", word]
     return words

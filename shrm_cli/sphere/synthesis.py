@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shrm_cli.arrays import Array, Memo, slices
+from shrm_cli.arrays import Array, Indices, Memo, slices
 from shrm_cli.progress import at_once, in_order
 from shrm_cli.sphere import double_fourier
 from shrm_cli.sphere.double_fourier import fourier_from_harmonics, harmonics_from_moments
@@ -53,6 +53,10 @@ _known_waves = Memo(2**24)
 """Waves of some sizes and orders, those of size 64 and order 64 take 1.1 MB in single precision."""
 _BLOCK_BYTES = 2**26
 """Memory that the intermediate arrays of some maps may take."""
+_TURNED_BYTES = 200
+"""What a coefficient takes while it is turned."""
+_KEPT_BYTES = 2**24
+"""Memory of series up to which the turned ones are kept for further cubes."""
 _WAVE_BYTES = 40
 """What a wave at a texel takes while it is computed: complex, and twice as cosine and sine."""
 _LARGE = 2**24
@@ -91,10 +95,18 @@ class CubeSeries:
         """The largest degree of the series."""
         return order_of(len(self._series))
 
+    def _both_of(self, part: slice) -> Array:
+        """Return some of the series as they are, and turned, shape ((order+1)^2, 2, maps)."""
+        return self._both[:, :, part] if self._is_kept else _with_turned(self._series[:, part])
+
+    @property
+    def _is_kept(self) -> bool:
+        """Whether the turned series are kept; many of them are turned anew for each cube."""
+        return self._series.nbytes <= _KEPT_BYTES
+
     @cached_property
     def _both(self) -> Array:
-        """The series as they are, and turned, shape ((order+1)^2, 2, maps)."""
-        return np.stack([self._series, rotated_again(self._series, X_POLAR)], axis=1)
+        return _with_turned(self._series)
 
     @cached_property
     def _fourier(self) -> list[Array]:
@@ -119,17 +131,25 @@ class CubeSeries:
             series = self._series[: len(degree)]
             series = series if factors is None else series * factors[degree, None]
             return double_fourier.synthesize_octants(series, size, sampling, dtype)
-        both = self._both[: len(degree)]
-        if factors is not None:
-            both = both * factors[degree, None, None]
-        count, maps = order_of(len(both)) + 1, both.shape[2]
+        count, maps = order + 1, self._series.shape[1]
         result: Array = np.empty((maps, 6, size, size), dtype=dtype)
-        map_bytes = np.dtype(dtype).itemsize * 16 * min(size, count) * count
+        map_bytes = result.itemsize * 16 * min(size, count) * count
+        if not self._is_kept:
+            map_bytes += _TURNED_BYTES * count**2
         for part in slices(maps, _BLOCK_BYTES // map_bytes):
             is_whole = factors is None and len(result[part]) == maps
-            fourier = self._fourier if is_whole else _double_fourier(both[:, :, part])
+            fourier = self._fourier if is_whole else self._fourier_of(part, degree, factors)
             _fill_faces(fourier, nodes(size, sampling), result[part])
         return result.reshape(maps, 6 * size, size)
+
+    def _fourier_of(self, part: slice, degree: Indices, factors: Array | None) -> list[Array]:
+        """Return the double Fourier sums of some of the series, whose degrees have factors."""
+        both = self._both_of(part)[: len(degree)]
+        return _double_fourier(both if factors is None else both * factors[degree, None, None])
+
+
+def _with_turned(series: Array) -> Array:
+    return np.stack([series, rotated_again(series, X_POLAR)], axis=1)
 
 
 def _double_fourier(both: Array) -> list[Array]:

@@ -1,7 +1,7 @@
 """`shrm.choose` beside a search of all forms, one by one, and beside the truth."""
 
 import gc
-import re
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -21,7 +21,7 @@ from shrm_cli.maps.shrm.proposals import ShrmProposals
 from shrm_cli.maps.size import TRIED_SIZES
 from shrm_cli.maps.splitsum.split_sum import BrushedSplitSum
 from shrm_cli.plan import policy
-from shrm_cli.plan.search import Candidate
+from shrm_cli.plan.search import Goal
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.reference import Reference
 from tests.brute_force import unit
@@ -302,50 +302,63 @@ def sun():
     return shrm.Probe.from_array(pixels.astype(np.float32), layout="latlong")
 
 
-def test_lamps_that_no_form_holds_are_told_of(sun):
+def test_maps_beside_lamps_are_those_of_auto(sun):
     """No map of this sun is right in few bytes, and one with a disc beside it is."""
     (found,) = shrm.choose(sun, "lambertian", budget=100)
     assert not found.is_kept
-    assert "has 1 lamp," in found.warnings[-1]
+    assert found.recommended is None
+    assert found.lamps == 1
     glossy = "phong:exponent=100"
     (found,) = shrm.choose(sun, glossy, budget="10kB")
-    made = shrm.prefilter(sun, glossy, max_size=10_000)
-    assert f"it would make {made.representation} in " in found.warnings[-1]
-    (error,) = re.findall(r"with ([0-9.]+)% RMS error and", found.warnings[-1])
-    assert made.stated_error == pytest.approx(float(error) / 100, rel=0.1)
-    (found,) = shrm.choose(light(1, 0.0), "lambertian", budget=100)
-    assert not found.is_kept
-    assert not found.warnings
+    made, best = shrm.prefilter(sun, glossy, max_size=10_000), found.recommended
+    assert found.is_kept
+    assert best.arguments == {"to": "auto", "max_size": 10_000}
+    assert best.what == f"1 cube of {made.size}, 1 disc beside"
+    assert best.multiply_adds is None
+    assert not best.on_cost_front
+    assert isinstance(made, LampMap)
+    assert best.error == pytest.approx(made.stated_error, rel=0.01)  # and half precision
+    views, normals = (unit(np.random.default_rng(seed), 50) for seed in (1, 2))
+    for again in (best.make(), replace(best.make, known=None)()):
+        np.testing.assert_array_equal(again.radiance(normals, views), made.radiance(normals, views))
+    assert "<th>-</th>" in found._repr_html_()
+
+
+def test_maps_beside_lamps_keep_the_goal_that_is_asked_for(sun):
+    (found,) = shrm.choose(sun, "phong:exponent=100", budget="40kB", error=0.01, seen=0.01)
+    best = found.recommended
+    assert best.arguments == {"to": "auto", "error": 0.01, "seen": 0.01, "max_size": 40_000}
+    assert found.is_kept
+    assert best.error <= 0.01
+    assert best.wrong_share <= 0.01
 
 
 @pytest.mark.proof
-def test_lamps_are_told_of_where_they_make_a_large_map_small(sun):
+def test_lamps_lie_beside_where_they_make_a_large_map_small(sun):
     (found,) = shrm.choose(sun, "ggx:roughness=0.3")
     assert found.is_kept
     assert found.lamps == 1
-    assert found.recommended.bytes > policy.LARGE
-    made = shrm.prefilter(sun, "ggx:roughness=0.3")
-    assert isinstance(made, LampMap)
-    assert f"it would make {made.representation} in " in found.warnings[-1]
+    assert found.recommended.bytes < policy.LARGE
+    assert found.recommended.arguments == {"to": "auto"}
+    assert isinstance(found.recommended.make(), LampMap)
+    others = [each for each in found.offers if each.keeps(Goal()) and each.multiply_adds]
+    assert min(each.bytes for each in others) > policy.LARGE
 
 
-@pytest.mark.parametrize(
-    ("large", "bytes_beside", "is_told"),
-    [(policy.LARGE, 100, False), (10_000, 100, True), (10_000, 10**6, False)],
-)
-def test_lamps_are_told_of_where_a_large_map_keeps_the_goal(
-    sun, monkeypatch, large, bytes_beside, is_told
-):
-    """A map of 21 kB keeps it, which is large where 10 kB are; one beside lamps may be smaller."""
-    beside = Candidate("shrm", bytes_beside, 1, 0.01, lambda: 0.01, lambda: None)
-    monkeypatch.setattr(policy, "LARGE", large)
-    monkeypatch.setattr(choose, "foreseen", lambda probe, request: beside)
+def test_small_maps_with_the_lamps_in_them_need_none_beside(sun):
     (found,) = shrm.choose(sun, "phong:exponent=100")
     assert found.is_kept
-    assert found.lamps == 1
-    assert bool(found.warnings) == is_told
-    if is_told:
-        assert "it would make shrm in 100 bytes or more, with 1% RMS error" in found.warnings[-1]
+    assert found.recommended.bytes <= policy.LARGE
+    assert all(each.multiply_adds is not None for each in found.offers)
+
+
+@pytest.mark.parametrize("large", [policy.LARGE, 10_000])
+def test_lamps_lie_beside_a_map_as_by_default(sun, monkeypatch, large):
+    """A map of 21 kB keeps the goal, which is large where 10 kB are."""
+    monkeypatch.setattr(policy, "LARGE", large)
+    (found,) = shrm.choose(sun, "phong:exponent=100")
+    made = shrm.prefilter(sun, "phong:exponent=100")
+    assert isinstance(made, LampMap) == (found.recommended.multiply_adds is None)
 
 
 def test_split_sums_of_other_brdfs_are_offered():

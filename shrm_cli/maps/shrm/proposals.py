@@ -121,7 +121,7 @@ class ShrmProposals(ShrmRows):
             return predicted_wrong_share([carry(self.light, self._stated(found))])
 
         def share_of_made() -> float | None:
-            share: float | None = self.made(found).further["predicted_wrong_share"]()
+            share: float | None = self.made(found, np.float32).further["predicted_wrong_share"]()
             return share
 
         rough = Candidate(

@@ -36,8 +36,8 @@ from shrm_cli.vocabulary import Center, Frame, Sampling
 
 _TEXELS_AT_ONCE = 2**14
 """The number of texels whose coefficients `Shrm.to_frame` rotates at a time."""
-_VALUES_AT_ONCE = 2**25
-"""The number of values that `second_moments` takes at a time, as doubles of 256 MB."""
+_VALUES_AT_ONCE = 2**22
+"""The number of values that look-ups and `second_moments` take at a time, as doubles of 32 MB."""
 
 
 @record(eq=False)
@@ -186,10 +186,14 @@ class Shrm(CentralMap):
         centers, views = np.asarray(centers, dtype=float), np.asarray(views, dtype=float)
         if views.ndim == 1:  # one reflection map serves all points for a distant viewer (eq. 5.35)
             return self._distant_sampler(views)(centers)
-        shape = np.broadcast_shapes(centers.shape, views.shape)
-        values = self._sampler(np.broadcast_to(centers, shape))
-        values = values.reshape(*shape[:-1], (self.order_p + 1) ** 2, 3)
-        return np.einsum("...k,...kc->...c", real_harmonics(self.order_p, views), values)
+        shape, count = np.broadcast_shapes(centers.shape, views.shape), (self.order_p + 1) ** 2
+        centers, views = (np.broadcast_to(each, shape).reshape(-1, 3) for each in (centers, views))
+        result = np.empty(centers.shape)
+        for part in slices(len(centers), _VALUES_AT_ONCE // (3 * count)):
+            values = self._sampler(centers[part]).reshape(-1, count, 3)
+            harmonics = real_harmonics(self.order_p, views[part])
+            result[part] = np.einsum("nk,nkc->nc", harmonics, values)
+        return result.reshape(shape)
 
     def rough_radiance(self, reflections: Array, views: Array) -> Array:
         form = self.center, self.frame, self.size, self.sampling, self.order_p
