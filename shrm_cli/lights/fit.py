@@ -5,13 +5,14 @@ either in glossy lobes, where many discs beside each other still show gaps. So a
 are moved, widened and lit together. Lobes blur light as a zonal filter does, which makes a disc a
 profile over the angle from its middle, and a lamp a picture of a few hundred points. Given middles
 and radii the radiances follow by linear least squares. Some may be negative, as of a ring, which is
-a disc without its middle.
+a disc without its middle. Others would nearly cancel each other, because a blur hides that, and a
+sharper lobe than the blur shows it: then none may be negative, which is as near with fewer discs.
 
 References: Golub & Pereyra 1973, The differentiation of pseudo-inverses and nonlinear least squares
 problems whose variables separate (variable projection); Kaufman 1975, for its Jacobian.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -20,8 +21,9 @@ from shrm_cli.arrays import Array, Indices, node_before
 from shrm_cli.lights.lamp import Light, disc_of
 from shrm_cli.probe.disc import Disc, disc_directions, radius_of, zonal_of_discs
 from shrm_cli.records import record
-from shrm_cli.sphere.directions import horizontal_tangents, normalize, surface_frames
+from shrm_cli.sphere.directions import from_angles, horizontal_tangents, normalize, surface_frames
 from shrm_cli.sphere.harmonics import legendre_degrees
+from shrm_cli.vocabulary import LUMINANCE
 
 _MARGIN = 0.1
 """Radians around a lamp that its blurred light is compared in."""
@@ -38,6 +40,12 @@ _STEPS, _DAMPINGS = 12, 5
 """The most steps with so many discs, and the most dampings that are tried for one."""
 _GAIN = 1e-3
 """The part of the squared error that a step takes away at least, or it is the last one."""
+_AROUND, _BESIDE = 64, 1e-3
+"""The points around a circle where light is looked at, so many radii from it on either side."""
+_DARK, _BRIGHT = -0.125, 3.0
+"""How dark and how bright discs may be together, in units of a lamp's brightest pixel. Those of a
+sun of seven pixels had up to thirty times its light, and as much less than none beside it, which
+made black pixels in a coat, and those of a square soft box 44 times and -23 times."""
 _RANK = 1e-6
 """What others hold of a disc but for this part of it, in their measure, is one of them."""
 
@@ -58,16 +66,38 @@ def fitted_discs(light: Light, amplitudes: Array, most: int) -> Iterator[tuple[D
     ------
     tuple of Disc
         In world axes. Their flux is that of the light, to a thousandth or so. Radiances may be
-        negative.
+        negative, as long as discs are like the lamp together; see `are_like`.
     """
-    picture = _Picture(light, amplitudes)
+    picture, only_bright = _Picture(light, amplitudes), False
     shape: Array | None = picture.first()
     for count in range(1, most + 1):
         if shape is None:
             return
-        found = picture.refined(shape)
-        yield picture.discs(found)
+        found = picture.refined(shape, only_bright)
+        if not only_bright and not are_like(picture.discs(found), light):
+            only_bright = True
+            found = picture.refined(shape, only_bright)
+        if are_like(picture.discs(found), light):
+            yield picture.discs(found)
         shape = picture.with_one_more(found) if count < most else None
+
+
+def are_like(discs: Sequence[Disc], light: Light) -> bool:
+    """Tell whether discs are nowhere far darker than nothing, or brighter than their lamp.
+
+    Their circles bound areas of even light, each of which is looked at beside its circles.
+    """
+    around = np.linspace(0, 2 * np.pi, _AROUND, endpoint=False)
+    sides = (1 - _BESIDE, 1 + _BESIDE)
+    axes = np.array([disc.direction for disc in discs])
+    radii = np.array([disc.radius for disc in discs])
+    circles = [[from_angles(side * radius, around) for side in sides] for radius in radii]
+    frames = surface_frames(axes, horizontal_tangents(axes))
+    places = (np.array(circles) @ frames[:, None]).reshape(-1, 3)
+    inside = places @ axes.T >= np.cos(radii)
+    found = inside @ np.array([disc.radiance @ LUMINANCE for disc in discs])
+    peak = float((light.radiance @ LUMINANCE).max())
+    return bool(found.min() >= _DARK * peak and found.max() <= _BRIGHT * peak)
 
 
 @record(eq=False)
@@ -82,6 +112,8 @@ class _Lit:
     """Shape (n, 3)."""
     left: Array
     """What is left of the picture, shape (samples + 1, 3)."""
+    only_bright: bool
+    """Whether no radiance may be negative."""
 
     @property
     def error(self) -> float:
@@ -132,15 +164,15 @@ class _Picture:
         directions, radii = self._directions(lit.shape), np.exp(lit.shape[:, 2]).tolist()
         return tuple(Disc(*row) for row in zip(directions, radii, lit.radiances, strict=True))
 
-    def refined(self, shape: Array) -> _Lit:
+    def refined(self, shape: Array, only_bright: bool = False) -> _Lit:
         """Move and widen discs until the squared error falls no more: Levenberg and Marquardt."""
-        damping, found = 1e-2, self._lit(shape)
+        damping, found = 1e-2, self._lit(shape, only_bright)
         for _ in range(_STEPS):
             matrix, slope, scale = self._normal_equations(found)
             for _ in range(_DAMPINGS):
                 damped = matrix + damping * np.diag(np.diag(matrix) + 1e-12 * np.trace(matrix))
                 step = (np.linalg.solve(damped, slope) * scale).reshape(3, -1).T
-                moved = self._lit(self._bounded(found.shape + step))
+                moved = self._lit(self._bounded(found.shape + step), only_bright)
                 if moved.error < found.error:
                     break
                 damping *= 6
@@ -158,10 +190,12 @@ class _Picture:
         # One product of both reads all choices once. What is not in the span of the discs is never
         # made of all choices.
         both = np.hstack([lit.held, lit.beside(lit.left)]).T @ own
-        held, left = np.split(both**2, [len(lit.shape)])
-        new = squares - held.sum(axis=0)
-        gains = left.sum(axis=0) / np.maximum(new, 1e-300)
+        held, left = np.split(both, [len(lit.shape)])
+        new = squares - (held**2).sum(axis=0)
+        gains = (left**2).sum(axis=0) / np.maximum(new, 1e-300)
         gains[new < _RANK**2 * squares] = 0
+        if lit.only_bright:
+            gains[LUMINANCE @ left < 0] = 0
         best = int(np.argmax(gains))
         return np.vstack([lit.shape, choices[best]]) if gains[best] > 0 else None
 
@@ -191,11 +225,15 @@ class _Picture:
         matrix = (change.T @ change) * (radiances @ radiances.T)
         return matrix, np.sum((change.T @ lit.left) * radiances, axis=1), scale
 
-    def _lit(self, shape: Array) -> _Lit:
-        """Return discs with their best radiances."""
+    def _lit(self, shape: Array, only_bright: bool) -> _Lit:
+        """Return discs with their best radiances, without those that would have negative ones."""
         columns = self._columns(shape)
         radiances = np.linalg.lstsq(columns, self._target, rcond=_RANK)[0]
-        return _Lit(shape, columns, radiances, self._target - columns @ radiances)
+        shown = radiances @ LUMINANCE
+        if only_bright and (shown < 0).any():
+            return self._lit(np.delete(shape, shown.argmin(), axis=0), only_bright)
+        left = self._target - columns @ radiances
+        return _Lit(shape, columns, radiances, left, only_bright)
 
     def _columns(self, shape: Array) -> Array:
         """Return what discs of radiance 1 look like, and their weighted solid angles below."""

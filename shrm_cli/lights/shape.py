@@ -34,7 +34,7 @@ from shrm_cli.vocabulary import COARSE_ROWS
 _PARTS_ALONG, _MOST_PARTS = 8, 2**14
 """The parts along the edges of pixels that discs may cut, and the most parts of a lamp. The middles
 of four pixels are on a disc of the same area, from which a third of their light differs."""
-_LEFT = 1 / 3
+_LEFT = 1 / 4
 """The part of what a lamp's first discs change that others may leave. Those that leave more follow
 the pixels and not the lamp: of a round sun of 84 pixels sixteen leave .38, and five of them were
 three times as far from the sun itself as one."""

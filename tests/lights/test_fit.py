@@ -90,20 +90,39 @@ def test_a_ring_is_a_disc_without_its_middle():
 @pytest.mark.parametrize(
     ("shape", "bars"),
     [
-        (lambda x, y: 40.0 * ((abs(x) < 0.25) & (abs(y) < 0.03)), (0.85, 0.4, 0.1, 0.015)),
-        (lambda x, y: 40.0 * ((abs(x) < 0.15) & (abs(y) < 0.15)), (0.16, 0.12, 0.03, 0.012)),
+        (lambda x, y: 40.0 * ((abs(x) < 0.25) & (abs(y) < 0.03)), (0.85, 0.4, 0.1, 0.004)),
+        (lambda x, y: 40.0 * ((abs(x) < 0.15) & (abs(y) < 0.15)), (0.16, 0.12, 0.025, 0.0125)),
         (lambda x, y: 40.0 * (abs(x) + abs(y) < 0.2) + 20 * (x > 0.05), (0.45, 0.22, 0.09, 0.035)),
     ],
 )
 def test_more_discs_are_nearer(shape, bars):
     light = lamp(shape)
     found = sequence(light, 12)
-    assert [len(discs) for discs in found] == list(range(1, 13))
-    errors = [missed(light, found[k]) for k in (0, 2, 5, 11)]
-    assert all(error < bar for error, bar in zip(errors, bars, strict=True))
+    errors = [missed(light, discs) for discs in found]
+    for most, bar in zip((1, 3, 6, 12), bars, strict=True):
+        pairs = zip(found, errors, strict=True)
+        assert min(error for discs, error in pairs if len(discs) <= most) < bar
     for discs in found[1:]:
         flux = sum(disc.radiance * disc.solid_angle for disc in discs)
         assert flux == pytest.approx(light.flux, rel=5e-3)
+
+
+def test_discs_of_a_sun_of_few_pixels_are_bright_together():
+    """A coat resolves what a coarse blur does not: discs that nearly cancel are black spots in it.
+
+    Some that nothing holds to it have light of six times the sun's, and as much less than none.
+    """
+    light = lamp(lambda x, y: 5e4 * (np.hypot(x, y) < 0.018), rows=256)
+    assert len(light.areas) < 10
+    rng = np.random.default_rng(1)
+    at = AXIS + 0.03 * rng.normal(size=(40_000, 3))
+    at /= np.linalg.norm(at, axis=1, keepdims=True)
+    found = list(fitted_discs(light, gaussian(192, 0.005), 12))
+    assert len(found) > 4
+    for discs in found:
+        lit = sum((at @ each.direction >= np.cos(each.radius)) * each.radiance[1] for each in discs)
+        assert lit.min() > -0.13 * lit.max()
+        assert lit.max() < 3 * 4e4
 
 
 def test_a_disc_is_one_disc():

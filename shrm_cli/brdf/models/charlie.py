@@ -28,7 +28,7 @@ class Charlie(Brdf):
     summary = "sheen of cloth, brightest at grazing angles"
     source = "Estevez and Kulla 2017, Production friendly microfacet sheen BRDF"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("roughness", 0.5, 0.05, 1.0, "r: smaller gathers the sheen at the rim"),
+        Parameter("roughness", 0.5, 0.002, 1.0, "r: smaller gathers the sheen at the rim"),
         Parameter("color", (1.0, 1.0, 1.0), 0.0, 1.0, "colour of the fibres"),
         Parameter(
             "visibility", "kulla", choices=("kulla", "neubelt"), is_optional=True,
