@@ -457,6 +457,7 @@ def _facts(made: Map) -> list[tuple[str, str]]:
         ("predicted error", "predicted_error"),
         ("added by form", "added_error"),
         ("by bilinear", "filter_error"),
+        ("by lamps beside it", "lamp_error"),
     ):
         value = summary.get(key) or 0.0
         if value > 0:

@@ -426,13 +426,35 @@ def test_contact_sheets_say_what_look_ups_add(folder):
     assert float(cell.split(", ")[1].split()[0]) == pytest.approx(100 * whole, rel=0.06)
 
 
-def test_contact_sheets_say_what_discs_change(folder):
-    """They lie beside the map in place of lamps, and their error was left out."""
+TUBE = "--brdf", "phong:exponent=32", "--sun", "split", "--to", "shrm"
+
+
+def discs_of_a_tube(folder):
+    """Prefilter a lamp that is no disc, and return what is told of the map."""
     pixels = noise(64, 128) / 4
     pixels[20, 40:44] = 300
     write_exr(folder / "tube.exr", pixels)
-    asked = "--brdf", "phong:exponent=32", "--sun", "split", "--to", "shrm", "-o", "discs.exr"
-    made = json.loads(run("prefilter", "tube.exr", *asked, "--json").out)
+    return json.loads(run("prefilter", "tube.exr", *TUBE, "-o", "discs.exr", "--json").out)
+
+
+def test_reports_say_what_discs_change(folder):
+    """They were told of errors of next to nothing, which only the map within has."""
+    made = discs_of_a_tube(folder)
+    out = done("report", "tube.exr", *TUBE, *SUMMED, "--no-view", "-o", "a.html", "--json")
+    (found,) = json.loads(out)["maps"]
+    assert found["lamp_error"] == made["lamp_error"] > 0.5 * made["predicted_error"] > 0
+    _, page = read("a.html")
+    cells = page.texts[page.texts.index("Predicted") :]
+    cells = cells[cells.index("Time") :]
+    predicted = next(each for each in cells if re.fullmatch(r"[\d.]+\s%", each))
+    causes = "lamp", "predicted", "added"
+    whole = np.linalg.norm([made[f"{each}_error"] for each in causes])
+    assert float(predicted.split()[0]) == pytest.approx(100 * whole, rel=0.02)
+
+
+def test_contact_sheets_say_what_discs_change(folder):
+    """They lie beside the map in place of lamps, and their error was left out."""
+    made = discs_of_a_tube(folder)
     assert made["lamp_error"] > 0.5 * made["predicted_error"] > 0
     done("contact", "discs.exr", "-o", "one.html")
     (cell,) = [each for each in read("one.html")[1].texts if each.endswith(" %")]
