@@ -41,11 +41,13 @@ def ggx_surface(
 ) -> Ggx:
     """Return the GGX surface that maps are shown as.
 
-    `roughness` is perceptual roughness: GGX's alpha is its square. The default is that of `Ggx`.
+    `roughness` is perceptual roughness: GGX's alpha is its square. The default is
+    `DEFAULT_ROUGHNESS`, as everywhere where maps are shown, which is not that of `Ggx`.
     `f0` is the reflectance at normal incidence, linear RGB. The default is that of `Ggx`.
     `anisotropy` is that of glTF; without it the surface is not brushed.
     """
-    given = {"roughness": roughness, "f0": f0, "anisotropy": anisotropy or None}
+    shown = DEFAULT_ROUGHNESS if roughness is None else roughness
+    given = {"roughness": shown, "f0": f0, "anisotropy": anisotropy or None}
     return Ggx(**{key: value for key, value in given.items() if value is not None})
 
 
@@ -88,8 +90,7 @@ def surface_of(
 ) -> Ggx:
     """Return the surface that arguments ask for, under light of some primaries."""
     color = None if f0 is None else reflectance(f0, primaries)
-    chosen = DEFAULT_ROUGHNESS if roughness is None else roughness
-    return ggx_surface(chosen, color, anisotropy)
+    return ggx_surface(roughness, color, anisotropy)
 
 
 def refuse_surface(maps: Sequence[Map], **given: object) -> None:

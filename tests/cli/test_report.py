@@ -12,6 +12,7 @@ import pytest
 
 import shrm_cli as shrm
 from shrm_cli.render.seen import can_flip
+from shrm_cli.report import contact
 from tests.batch.helpers import work_here
 from tests.cli.helpers import assert_refused, done, noise, run, snapshot, write_exr
 
@@ -351,6 +352,23 @@ def test_maps_of_light_alone_have_a_material_of_their_own(folder):
     (found,) = out["maps"]
     assert found["representation"] == "irradiance"
     assert "lambertian" in "".join(read("a.html")[1].texts)
+    light = "--to", "splitsum", "--levels", "3", "--size", "8"
+    done("report", "probe.exr", *light, *SUMMED, "--no-view", "-o", "a.html")
+    told = "".join(read("a.html")[1].texts)
+    assert "--roughness 0.5" in told
+    assert "ggx:roughness=0.5" in told
+
+
+def test_contact_sheets_show_light_alone_as_pictures_do(folder):
+    done("prefilter", "probe.exr", "--to", "splitsum", "--levels", "3", "--size", "8",
+         "-o", "light.exr")  # fmt: skip
+    (found,) = shrm.draw_contacts(["light.exr"]).maps
+    made = shrm.open_map("light.exr")
+    pictures = [
+        contact.render_sphere(made.shaded(r), contact._VIEWER, contact.SIZE) for r in (0.5, 0.4)
+    ]
+    np.testing.assert_allclose(found.picture, pictures[0], rtol=1e-6)
+    assert np.abs(found.picture - pictures[1]).max() > 0.01
 
 
 def test_contact_sheets_have_a_row_for_each_probe(folder):
