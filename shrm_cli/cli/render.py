@@ -133,7 +133,8 @@ def render(
     skies = probes.get(background or ""), probes.get(values["background_to"] or "")
     usage.check_outputs(targets, files=_files(maps, mesh, values), draws=True)
     light = grid or probes.get(probe or "")
-    lit, baked, told = _open_lit(maps, light, transfer, window, ways, values["blend_to"])
+    seen = moving.shown_ways(mesh, values["vary"], ways)
+    lit, baked, told = _open_lit(maps, light, transfer, window, seen, values["blend_to"])
     if mesh is None:
         drawing = _on_sphere(lit, size, shown, values)
     else:
@@ -199,7 +200,7 @@ def _open_lit(
     light: shrm.Probe | ProbeGrid | None,
     transfer: str | None,
     window: str | None,
-    ways: dict[str, tuple[float, float]],
+    ways: dict[str, tuple[float, float]] | None,
     blend_to: Sequence[str],
 ) -> tuple[Lit, Baked | None, list[str]]:
     """Open the maps and light them; return what is baked of a mesh, and warnings, too."""
