@@ -180,6 +180,13 @@ def test_info_tells_what_a_texture_is(texture):
     assert values["brdf"]["name"] == "ward"
 
 
+def test_a_texture_that_is_converted_is_said_to_have_no_cubes(texture, tmp_path):
+    target = tmp_path / "x.exr"
+    out = done("convert", texture, "--to", "product", "--precision", "float", "-o", target)
+    assert out.splitlines()[0] == f"{target}: product, float"
+    assert "cube" not in out
+
+
 def test_what_takes_no_brushed_metal_names_what_does(tmp_path, probe):
     target = tmp_path / "x.exr"
     for to in ("shrm", "cabral"):

@@ -455,6 +455,16 @@ def discs_of_a_tube(folder):
     return json.loads(run("prefilter", "tube.exr", *TUBE, "-o", "discs.exr", "--json").out)
 
 
+def test_reports_do_not_deny_large_lamps(folder):
+    """One of 20 degrees is beside the map, though none is small enough to be listed."""
+    pixels = np.full((32, 64, 3), 0.02, np.float32)
+    pixels[8:13, 20:27] = 20
+    write_exr("box.exr", pixels)
+    done("report", "box.exr", "--to", "irradiance", *SUMMED, "--no-view", "-o", "a.html")
+    texts = read("a.html")[1].texts
+    assert "No lamp of a radius below 8\u00b0 stands out." in texts
+
+
 def test_reports_say_what_discs_change(folder):
     """They were told of errors of next to nothing, which only the map within has."""
     made = discs_of_a_tube(folder)
