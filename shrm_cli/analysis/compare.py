@@ -156,7 +156,7 @@ def compare(
     if brdf is not None:
         brdf = as_brdf(brdf, None if source is None else source.chromaticities)
     opened = with_classes(opened, brdf)
-    opened, warnings = lit_maps(opened, names, source, window)
+    opened, warnings = lit_maps(opened, names, source, window, {})
     refuse_surface(opened, roughness=roughness, f0=f0, anisotropy=anisotropy, taps=taps)
     loaded, surface, outside = shaded_maps(opened, names, roughness, f0, anisotropy, taps)
     infos = {name: each.info for name, each in zip(names, loaded, strict=True)}

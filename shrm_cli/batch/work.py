@@ -37,7 +37,8 @@ from shrm_cli.vocabulary import EXPORT
 Record = dict[str, Any]
 """What is told of a job; `docs/batch.md` lists the keys."""
 
-_SAID = ("size", "order_f", "order_p", "order_carried", "predicted_error", "filter_error")
+_ERRORS = "predicted_error", "filter_error", "lamp_error"
+_SAID = ("size", "order_f", "order_p", "order_carried", *_ERRORS)
 """What a record takes over from the summary of a map."""
 _FORCED = Difference("asked for by `force`")
 
@@ -274,7 +275,7 @@ def _naming_source(name: str, path: str, result: Result) -> Result:
 _HALF = 2  # bytes
 _TRIED = 5
 """The most probes of which a map is tried: the first ones may be damaged."""
-_PREDICTED = ("size", "maps", "order_f", "order_p", "order_carried", "predicted_error")
+_PREDICTED = ("size", "maps", "order_f", "order_p", "order_carried", *_ERRORS)
 
 
 Predictions = tuple[list[dict[str, Any]], dict[str, str]]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import sys
 from contextlib import AbstractContextManager, ExitStack, nullcontext
@@ -440,5 +441,6 @@ def _prediction_line(facts: dict[str, Any]) -> str:
     said += [f"{facts['size']} texels"] if "size" in facts else []
     said.append(f"at most {facts['bytes']:,} bytes each")
     if facts.get("predicted_error") is not None:
-        said.append(f"RMS error {facts['predicted_error']:.2%}")
+        error = math.hypot(facts["predicted_error"], facts.get("lamp_error", 0.0))
+        said.append(f"RMS error {error:.2%}")
     return f"{what}: {', '.join(said)} (as of {facts['probe']})"

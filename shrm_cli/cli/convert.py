@@ -78,7 +78,7 @@ _plain_options = options.several(
     help="Orientation of the cube faces to write.  [default: openexr for --to openexr, else gl]",
 )  # fmt: skip
 @option("--to-sampling", click.Choice(vocabulary.SAMPLINGS), "Where the edge pixels to write lie.")
-@options.precision_option
+@options.kept_precision_option
 @options.probe_options
 @options.report_options
 def convert(

@@ -117,6 +117,20 @@ def scene_keys(mesh: str | None) -> list[Key]:
     return keys
 
 
+def shown_ways(
+    mesh: str | None, follows: str | None, ways: dict[str, tuple[float, float]]
+) -> dict[str, tuple[float, float]] | None:
+    """Return the ways of the values that are shown; None where any value may be.
+
+    That is where parameters follow an image or the vertices, and in scenes, which say it of each
+    object and each key.
+    """
+    from shrm_cli.render.scene_file import is_scene_name
+
+    is_scene = mesh is not None and is_scene_name(mesh)
+    return None if follows is not None or is_scene else ways
+
+
 def moments(
     view: tuple[float, float],
     frames: int | None,

@@ -209,9 +209,13 @@ def told_of_exposure(asked: float | None, exposure: float) -> list[str]:
     return [f"  exposure       {exposure:g}, as at 0 {looks}; --exposure takes another"]
 
 
+_PRECISION = "Pixel type of an EXR; auto is float where half overflows or costs dim light digits"
 precision_option = option(
+    "--precision", click.Choice(vocabulary.PRECISIONS), default="auto", help=f"{_PRECISION}."
+)
+kept_precision_option = option(
     "--precision", click.Choice(vocabulary.PRECISIONS), default="auto",
-    help="Pixel type of an EXR; auto is float where half overflows or costs dim light digits.",
+    help=f"{_PRECISION}, and wherever a map is changed, so that nothing is rounded twice.",
 )  # fmt: skip
 exact_option = flag(
     "--exact",

@@ -133,7 +133,7 @@ def render(
     skies = probes.get(background or ""), probes.get(values["background_to"] or "")
     usage.check_outputs(targets, files=_files(maps, mesh, values), draws=True)
     light = grid or probes.get(probe or "")
-    lit, baked, told = _open_lit(maps, light, transfer, window, ways, values["blend_to"])
+    lit, baked, told = _open_lit(maps, light, mesh, transfer, window, ways, values)
     if mesh is None:
         drawing = _on_sphere(lit, size, shown, values)
     else:
@@ -197,24 +197,26 @@ def _settings(lit: Lit, film: Film, frames: int | None, given: dict[str, Any]) -
 def _open_lit(
     maps: Sequence[str],
     light: shrm.Probe | ProbeGrid | None,
+    mesh: str | None,
     transfer: str | None,
     window: str | None,
     ways: dict[str, tuple[float, float]],
-    blend_to: Sequence[str],
+    values: dict[str, Any],
 ) -> tuple[Lit, Baked | None, list[str]]:
     """Open the maps and light them; return what is baked of a mesh, and warnings, too."""
     from shrm_cli.render.drawing import Lit
     from shrm_cli.render.lit import lit_maps
     from shrm_cli.rooms.lit import open_lit
 
-    opened = [open_lit(path) for path in maps]
+    opened, blend_to = [open_lit(path) for path in maps], values["blend_to"]
+    shown = moving.shown_ways(mesh, values["vary"], ways)
     if transfer is None or maps:
         usage.refuse_inapplicable({"probe": shading.to_unlit(opened)})
     if transfer is None:
         shading.refuse_window(opened)
-        opened, warnings = lit_maps(opened, maps, light, window, ways)
+        opened, warnings = lit_maps(opened, maps, light, window, shown)
         return Lit(opened, maps, moving.open_others(blend_to, opened), blend_to), None, warnings
-    baked = stage.open_baked(transfer, opened, maps, light, window, ways)
+    baked = stage.open_baked(transfer, opened, maps, light, window, shown)
     others = moving.open_others(blend_to, baked.maps)
     return Lit(baked.maps, baked.names, others, blend_to), baked, baked.warnings
 

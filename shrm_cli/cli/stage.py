@@ -186,7 +186,7 @@ def open_baked(
     names: Sequence[str],
     light: shrm.Probe | ProbeGrid | None,
     window: str | None,
-    ways: dict[str, tuple[float, float]],
+    ways: dict[str, tuple[float, float]] | None,
 ) -> Baked:
     """Read a transfer, and light the maps that it shades.
 

@@ -100,7 +100,7 @@ def _map_report(result: dict[str, Any]) -> list[str]:
     """Return lines about a map: what it is, and the errors that can be seen in it."""
     size, kind = result["size"], result["representation"]
     lines = [f"{result['file']}: {kind}, {result['precision']}"]
-    if description(kind).needs_brdf:
+    if description(kind).needs_brdf and result["maps"]:  # products have parabolic maps
         lines = [
             f"{result['file']}: {result['frame']} {kind} map, {counted(result['maps'], 'cube')} of "
             f"6 x {size} x {size} texels as {result['layout']}, {result['precision']}"

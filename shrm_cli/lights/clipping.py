@@ -55,6 +55,8 @@ class Plateau:
         """The largest value."""
         self.area = 0.0
         """The solid angle of the pixels that have it."""
+        self.pixels = 0
+        """How many pixels have it. Near the poles of a lat-long these are many of little area."""
         self._areas = np.zeros(_BINS_A_STOP * _STOPS)
         """The solid angles of pixels by the logarithm of their values, complete above `_LOW`."""
 
@@ -62,12 +64,14 @@ class Plateau:
         """Take in some pixels and their solid angles, of the same shape."""
         high = float(values.max())
         if high > self.high:
-            self.high, self.area = high, 0.0
+            self.high, self.area, self.pixels = high, 0.0, 0
         if high <= 0 or high < _LOW * self.high:
             return
         bright = values >= _LOW * self.high
         values, areas = values[bright], areas[bright]
-        self.area += float(areas[values == self.high].sum())
+        highest = values == self.high
+        self.area += float(areas[highest].sum())
+        self.pixels += int(np.count_nonzero(highest))
         self._areas += np.bincount(_bins(values), areas, len(self._areas))
 
     def suspicion(
@@ -102,7 +106,7 @@ class Plateau:
             return f"{name}{REACHES}1, where pictures of integers end, {where}"
         if self.high < _OVER_MEAN * mean:
             return ""
-        return f"{count:.0f} pixels share the maximum {self.high:.6g} of {name}"
+        return f"{self.pixels} pixels share the maximum {self.high:.6g} of {name}"
 
     def _is_box(self, count: float) -> bool:
         """Whether it is large and even, with an edge that clipped light does not have."""

@@ -1,7 +1,7 @@
 """The kinds of maps: reflected light, and what reflects nothing by itself, light or a material."""
 
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, Self
 
@@ -205,8 +205,11 @@ class MaterialMap(FixedMap):
         """
 
     @abstractmethod
-    def error_under(self, light: "Projection") -> float:
-        """Predict the relative RMS error of the light reflected that the material does not hold."""
+    def error_under(self, light: "Projection", values: Mapping[str, float]) -> float:
+        """Predict the relative RMS error of the light reflected that the material does not hold.
+
+        `values` are those of parameters that vary; others are in the middle.
+        """
 
     def shaded(self, *surface: object, **named: object) -> NoReturn:
         """Raise a `MapError`, since nothing is reflected without light."""

@@ -1,8 +1,8 @@
 """Maps as pictures show them: those of light alone with a surface, those of a BRDF with light."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import product
 from typing import Any
 
@@ -41,11 +41,13 @@ def ggx_surface(
 ) -> Ggx:
     """Return the GGX surface that maps are shown as.
 
-    `roughness` is perceptual roughness: GGX's alpha is its square. The default is that of `Ggx`.
+    `roughness` is perceptual roughness: GGX's alpha is its square. The default is
+    `DEFAULT_ROUGHNESS`, as everywhere where maps are shown, which is not that of `Ggx`.
     `f0` is the reflectance at normal incidence, linear RGB. The default is that of `Ggx`.
     `anisotropy` is that of glTF; without it the surface is not brushed.
     """
-    given = {"roughness": roughness, "f0": f0, "anisotropy": anisotropy or None}
+    shown = DEFAULT_ROUGHNESS if roughness is None else roughness
+    given = {"roughness": shown, "f0": f0, "anisotropy": anisotropy or None}
     return Ggx(**{key: value for key, value in given.items() if value is not None})
 
 
@@ -88,8 +90,7 @@ def surface_of(
 ) -> Ggx:
     """Return the surface that arguments ask for, under light of some primaries."""
     color = None if f0 is None else reflectance(f0, primaries)
-    chosen = DEFAULT_ROUGHNESS if roughness is None else roughness
-    return ggx_surface(chosen, color, anisotropy)
+    return ggx_surface(roughness, color, anisotropy)
 
 
 def refuse_surface(maps: Sequence[Map], **given: object) -> None:
@@ -147,16 +148,17 @@ def lit_maps(
     names: Sequence[str],
     probe: Probe | ProbeGrid | None,
     window: str | None,
-    ways: Mapping[str, tuple[float, float]] = {},
+    ways: Mapping[str, tuple[float, float]] | None = None,
 ) -> tuple[list[Map], list[str]]:
     """Give light to the maps that hold a BRDF alone, which are product textures.
 
     `probe` is that light; under that of a grid of probes surfaces have another light wherever they
     are. `window` is the window of the light; ``auto`` by default. `ways` are the first and the last
-    values of parameters that are shown with no others.
+    values of parameters that are shown with no others, and without which the middle is shown. By
+    default any value may be.
 
     Returns `maps`; and `warnings`, for each map that reflects less than nothing somewhere, or too
-    little of what is sharp in the light.
+    little of what is sharp in the light, with the values that are shown.
     """
     light = Projection(probe) if isinstance(probe, Probe) else None
     found: list[Map] = []
@@ -176,44 +178,61 @@ def lit_maps(
             continue
         if light is None:
             raise MapError(f"{name}: a product texture that holds no light; give `probe`")
-        order = each.info.order_f
-        error = each.error_under(light)  # of the most degrees, so that light is projected once
+        order, shown = each.info.order_f, _shown_ends(each, ways)
+        # Of the most degrees, so that light is projected once.
+        error, at_error = _worst(shown, partial(each.error_under, light))
         series = light.to_order(order).coefficients[: (order + 1) ** 2]
         shape = each.window(window or "auto", series)
         lit = each.lit(shape.apply(series))
         if shape.factors:
+            every = f" for all values of {' and '.join(each.ways)}" if each.ways else ""
             warnings.append(
-                f"{name}: the light is windowed ({shape.name}), which changes what is reflected by "
+                f"{name}: the light is windowed ({shape.name}){every}, which changes what is "
+                f"reflected by "
                 f"{shape.change:.1%} RMS, p95 {shape.p95_change:.0%}; without it (`window` none) "
                 f"{shape.spots:.1%} would lack a color"
             )
         if error > _BLURRED:
             why = f"over all orientations and views, for order {order} shows nothing sharper"
             remedy = "make the texture of a larger order, or an SHRM of the probe for its BRDF"
-            warnings.append(f"{name}: {wrong_light(error, why, remedy)}")
+            warnings.append(f"{name}: {at_error}{wrong_light(error, why, remedy)}")
         # Its metals are in the primaries that the light of its making had, of Rec.709 without any.
         lit = lit.with_info(replace(lit.info, chromaticities=light.probe.chromaticities))
-        share, where = _darkest(lit, ways)
+        share, where = _worst(shown, partial(_negative_share, lit))
         warnings += [f"{name}: {where}{line}" for line in negative_warnings(lit, share)]
         found.append(lit)
     return found, warnings
 
 
-def _darkest(lit: Any, ways: Mapping[str, tuple[float, float]]) -> tuple[float, str]:
-    """Return the largest negative share over the ends of what varies, and where that is, in words.
+def _shown_ends(
+    made: Map, ways: Mapping[str, tuple[float, float]] | None
+) -> list[dict[str, float]]:
+    """Return the values of parameters that vary at which a map is looked at.
 
-    Surfaces are sharpest at an end, where light of few orders shows most of what is negative. The
-    ends are those of `ways`, beside which other parameters are in the middle; else all of them.
+    Surfaces are sharpest at an end, where light of few orders is most wrong and shows most of what
+    is negative. The ends are those of `ways`, beside which other parameters are in the middle; or
+    all of the map's without.
     """
-    shown = {name: way for name, way in ways.items() if name in lit.ways}
-    shares = {} if shown else {"": negative_share(lit)}
-    shown = shown or lit.ways
-    for ends in product(*map(dict.fromkeys, shown.values())) if shown else ():
-        values = dict(zip(shown, ends, strict=True))
-        said = " and ".join(f"{key}={value:g}" for key, value in values.items())
-        shares[f"with {said}, "] = negative_share(lit.with_values(values))
-    where = max(shares, key=lambda each: shares[each])
-    return shares[where], where
+    if ways is None:
+        shown = dict(made.ways)
+    else:
+        shown = {name: way for name, way in ways.items() if name in made.ways}
+    ends = product(*map(dict.fromkeys, shown.values()))
+    return [dict(zip(shown, each, strict=True)) for each in ends]
+
+
+def _worst(
+    shown: Sequence[dict[str, float]], measure: Callable[[dict[str, float]], float]
+) -> tuple[float, str]:
+    """Return the largest of some numbers, and at which values it is, in words."""
+    found = [(measure(values), values) for values in shown]
+    number, values = max(found, key=lambda each: each[0])
+    said = " and ".join(f"{key}={value:g}" for key, value in values.items())
+    return number, f"with {said}, " if said else ""
+
+
+def _negative_share(lit: Any, values: dict[str, float]) -> float:
+    return negative_share(lit.with_values(values) if lit.ways else lit)
 
 
 # ---- brought to the same primaries ---------------------------------------------------------------

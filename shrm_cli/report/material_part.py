@@ -1,5 +1,6 @@
 """What a report says about a material: its maps beside the truth, in pictures and numbers."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -99,10 +100,21 @@ def _row(material: Material, index: int, made: Made) -> list[Part]:
         made.form,
         orders,
         _texels(said),
-        words.known_percent(said.get("predicted_error")),
+        words.known_percent(_predicted(said)),
         words.known_percent(said.get("filter_error")),
         *number_cells(material, index),
     ]
+
+
+def _predicted(said: Mapping[str, Any]) -> float | None:
+    """Return the error that is predicted of a map, but for look-ups, if one is.
+
+    Where lamps are beside the map it is often theirs, for little else is missing then.
+    """
+    if said.get("predicted_error") is None:
+        return None
+    causes = "predicted_error", "added_error", "lamp_error"
+    return math.hypot(*(said.get(each) or 0.0 for each in causes))
 
 
 def _texels(said: Mapping[str, Any]) -> str:

@@ -134,7 +134,7 @@ def _numbers(probe: Probe, found: ProbeStatistics) -> Sequence[tuple[Part, Part]
 
 def _lamps(found: ProbeStatistics) -> Html | str:
     if not found.lamps:
-        return tag("p.quiet", "No lamps stand out.")
+        return tag("p.quiet", "No lamp of a radius below 8\u00b0 stands out.")
     rows: list[list[Part]] = []
     for count, lamp in enumerate(found.lamps, start=1):
         azimuth, elevation = to_azimuth_elevation(lamp.direction)

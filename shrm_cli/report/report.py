@@ -312,7 +312,8 @@ def _recipe(material: Material, index: int, made: Made, options: str) -> Html:
 def _meanings() -> Html:
     rows = [
         ("Predicted", "Relative RMS error of the reflected light over all orientations and views, "
-                      "by Parseval's theorem, before anything is rendered. Of split sums and SH "
+                      "by Parseval's theorem, before anything is rendered, with what the form of "
+                      "the map and discs in the place of lamps add. Of split sums and SH "
                       "exponentials it leaves out the model itself."),
         ("Filtering", "What bilinear look-ups on a GPU add to it, predicted."),
         ("RMS", "Of the difference to the truth over the spheres shown, relative to the truth's. "

@@ -21,6 +21,7 @@ from shrm_cli.maps.base import Map
 from shrm_cli.maps.info import common_brdf, record_of, spec_of
 from shrm_cli.maps.kinds import LightMap, MaterialMap
 from shrm_cli.maps.options import bytes_text
+from shrm_cli.maps.product.steps import rounded
 from shrm_cli.maps.shader.code import Code, written_code
 from shrm_cli.maps.shader.file import pack
 from shrm_cli.messages import first_of
@@ -325,7 +326,7 @@ def _ways(described: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     ways: dict[str, dict[str, Any]] = {}
     for own in (way for each in described for way in each["ways"]):
         name, low, high = own.pop("name"), own["low"], own["high"]
-        first = {"name": name, "low": low, "high": high, "start": (low + high) / 2}
+        first = {"name": name, "low": low, "high": high, "start": rounded((low + high) / 2)}
         whole = ways.setdefault(name, first)
         whole |= {"low": min(whole["low"], low), "high": max(whole["high"], high)}
         own["number"] = list(ways).index(name)
@@ -457,6 +458,7 @@ def _facts(made: Map) -> list[tuple[str, str]]:
         ("predicted error", "predicted_error"),
         ("added by form", "added_error"),
         ("by bilinear", "filter_error"),
+        ("by lamps beside it", "lamp_error"),
     ):
         value = summary.get(key) or 0.0
         if value > 0:

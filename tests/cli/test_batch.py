@@ -144,6 +144,23 @@ def test_predicted_sizes_and_orders_are_those_of_the_files(folder, here):
     assert record["bytes"] < 1.2 * predicted["bytes"]
 
 
+def test_errors_of_lamps_beside_a_map_are_told(folder, here):
+    """In the log, and among what is predicted, where all that counts is in one number."""
+    light = np.ones((64, 128, 3), dtype=np.float32)
+    light[20, 40:44] = 300
+    write_exr("tube.exr", light)
+    options = "--brdf", "phong:exponent=32", "--to", "shrm", "--sun", "split", "-o", "{probe}.d.exr"
+    dry = run("batch", "tube.exr", *options, "--dry-run").out
+    assert run("batch", "tube.exr", *options, "--jobs", "1", "--quiet").code == 0
+    (record,) = log_lines(folder / "batch.jsonl")
+    made = open_map("tube.d.exr").summary()
+    assert record["lamp_error"] == pytest.approx(made["lamp_error"], rel=1e-6)
+    whole = np.hypot(made["lamp_error"], made["predicted_error"])
+    told = float(re.search(r"RMS error ([\d.]+)%", dry)[1])
+    assert told == pytest.approx(100 * whole, abs=0.006)
+    assert made["lamp_error"] > 0.01
+
+
 @pytest.mark.slow
 def test_a_manifest(folder):
     (folder / "bake.toml").write_text(

@@ -12,6 +12,7 @@ import pytest
 
 import shrm_cli as shrm
 from shrm_cli.render.seen import can_flip
+from shrm_cli.report import contact
 from tests.batch.helpers import work_here
 from tests.cli.helpers import assert_refused, done, noise, run, snapshot, write_exr
 
@@ -351,6 +352,23 @@ def test_maps_of_light_alone_have_a_material_of_their_own(folder):
     (found,) = out["maps"]
     assert found["representation"] == "irradiance"
     assert "lambertian" in "".join(read("a.html")[1].texts)
+    light = "--to", "splitsum", "--levels", "3", "--size", "8"
+    done("report", "probe.exr", *light, *SUMMED, "--no-view", "-o", "a.html")
+    told = "".join(read("a.html")[1].texts)
+    assert "--roughness 0.5" in told
+    assert "ggx:roughness=0.5" in told
+
+
+def test_contact_sheets_show_light_alone_as_pictures_do(folder):
+    done("prefilter", "probe.exr", "--to", "splitsum", "--levels", "3", "--size", "8",
+         "-o", "light.exr")  # fmt: skip
+    (found,) = shrm.draw_contacts(["light.exr"]).maps
+    made = shrm.open_map("light.exr")
+    pictures = [
+        contact.render_sphere(made.shaded(r), contact._VIEWER, contact.SIZE) for r in (0.5, 0.4)
+    ]
+    np.testing.assert_allclose(found.picture, pictures[0], rtol=1e-6)
+    assert np.abs(found.picture - pictures[1]).max() > 0.01
 
 
 def test_contact_sheets_have_a_row_for_each_probe(folder):
@@ -426,13 +444,45 @@ def test_contact_sheets_say_what_look_ups_add(folder):
     assert float(cell.split(", ")[1].split()[0]) == pytest.approx(100 * whole, rel=0.06)
 
 
-def test_contact_sheets_say_what_discs_change(folder):
-    """They lie beside the map in place of lamps, and their error was left out."""
+TUBE = "--brdf", "phong:exponent=32", "--sun", "split", "--to", "shrm"
+
+
+def discs_of_a_tube(folder):
+    """Prefilter a lamp that is no disc, and return what is told of the map."""
     pixels = noise(64, 128) / 4
     pixels[20, 40:44] = 300
     write_exr(folder / "tube.exr", pixels)
-    asked = "--brdf", "phong:exponent=32", "--sun", "split", "--to", "shrm", "-o", "discs.exr"
-    made = json.loads(run("prefilter", "tube.exr", *asked, "--json").out)
+    return json.loads(run("prefilter", "tube.exr", *TUBE, "-o", "discs.exr", "--json").out)
+
+
+def test_reports_do_not_deny_large_lamps(folder):
+    """One of 20 degrees is beside the map, though none is small enough to be listed."""
+    pixels = np.full((32, 64, 3), 0.02, np.float32)
+    pixels[8:13, 20:27] = 20
+    write_exr("box.exr", pixels)
+    done("report", "box.exr", "--to", "irradiance", *SUMMED, "--no-view", "-o", "a.html")
+    texts = read("a.html")[1].texts
+    assert "No lamp of a radius below 8\u00b0 stands out." in texts
+
+
+def test_reports_say_what_discs_change(folder):
+    """They were told of errors of next to nothing, which only the map within has."""
+    made = discs_of_a_tube(folder)
+    out = done("report", "tube.exr", *TUBE, *SUMMED, "--no-view", "-o", "a.html", "--json")
+    (found,) = json.loads(out)["maps"]
+    assert found["lamp_error"] == made["lamp_error"] > 0.5 * made["predicted_error"] > 0
+    _, page = read("a.html")
+    cells = page.texts[page.texts.index("Predicted") :]
+    cells = cells[cells.index("Time") :]
+    predicted = next(each for each in cells if re.fullmatch(r"[\d.]+\s%", each))
+    causes = "lamp", "predicted", "added"
+    whole = np.linalg.norm([made[f"{each}_error"] for each in causes])
+    assert float(predicted.split()[0]) == pytest.approx(100 * whole, rel=0.02)
+
+
+def test_contact_sheets_say_what_discs_change(folder):
+    """They lie beside the map in place of lamps, and their error was left out."""
+    made = discs_of_a_tube(folder)
     assert made["lamp_error"] > 0.5 * made["predicted_error"] > 0
     done("contact", "discs.exr", "-o", "one.html")
     (cell,) = [each for each in read("one.html")[1].texts if each.endswith(" %")]

@@ -96,6 +96,20 @@ def test_light_alone_has_the_surface_of_the_map_beside_it(folder):
     assert "surface of" not in out
 
 
+def test_errors_of_lamps_beside_a_map_are_among_its_facts(folder):
+    """Nearly all that is wrong with a map may be theirs."""
+    light = np.ones((64, 128, 3), dtype=np.float32)
+    light[20, 40:44] = 300
+    write_exr("tube.exr", light)
+    asked = "--brdf", "phong:exponent=32", "--sun", "split", "--to", "shrm", "-o", "discs.exr"
+    made = json.loads(run("prefilter", "tube.exr", *asked, "--json").out)
+    done("view", "discs.exr", "-o", "a.html")
+    (shown,) = written("a.html")[1]["maps"]
+    assert ["by lamps beside it", f"{made['lamp_error']:.2%}"] in shown["facts"]
+    done("view", "glossy.exr", "-o", "a.html")
+    assert "by lamps beside it" not in dict(written("a.html")[1]["maps"][0]["facts"])
+
+
 def test_the_truth_of_several_views(folder):
     options = ["--view", "10,20", "--view", "-30,0", "--truth-size", "16", "--source-height", "8"]
     options += ["--exact"]

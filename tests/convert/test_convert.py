@@ -52,6 +52,29 @@ def test_a_map_that_is_no_file(tmp_path):
     assert turned.save(tmp_path / "seen.exr").result["view"] == [30.0, 10.0]
 
 
+@pytest.mark.parametrize(
+    ("to", "own"), [("cabral", {}), ("lightfield", {"views": 4}), ("kautz-mccool", {"slices": 3})]
+)
+def test_explicit_maps_are_not_fitted_to_themselves(to, own, tmp_path):
+    """They hold what a fit of their order leaves: linear light is not of any order."""
+    source = make_shrm(3, 2).converted(to, **own)
+    rough = np.random.default_rng(1).uniform(size=source.images.shape)
+    source = source.with_planes(list(rough.astype(np.float32)), source.sampling, source.info)
+    for arguments in ({}, own, {"max_size": 10**7}):
+        made = shrm.convert(source, to, **arguments)
+        np.testing.assert_array_equal(made.map.images, source.images)
+    result = made.save(tmp_path / "a.exr").result
+    assert result["fit_residual"] == source.info.fit_residual == 0
+    assert result["maps"] == source.count
+    smaller = shrm.convert(source, to, size=4).map
+    np.testing.assert_array_equal(smaller.images, source.resampled(4).images)
+    assert shrm.convert(source, to, order_p=1).map.info.fit_residual > 0
+    if own:
+        more = {name: count + 1 for name, count in own.items()}
+        assert shrm.convert(source, to, **more).map.count > source.count
+        assert shrm.convert(source, to, max_size=(source.count - 1) * 2304).map.count < source.count
+
+
 def test_maps_do_not_grow_beyond_the_bytes_that_all_may_have():
     """A light field of P = 8 has 6,400 cubes by itself, 1.1 GB of them where a lamp needs 48."""
     source = make_shrm(3, 2, size=64)  # 10 P are 20 x 20 views of 147 kB, which are 59 MB

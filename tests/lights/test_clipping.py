@@ -118,6 +118,24 @@ def test_boxes_at_the_end_of_half_precision_are(name):
     assert "R reaches 65504, the end of half" in told(BOXES[name] * (65504 / BOXES[name].max()))
 
 
+@pytest.mark.parametrize("axis", [unit(0, 1, 0), unit(1, 0, 0)])
+def test_the_pixels_that_are_told_are_counted(axis):
+    """Of a lat-long those at the zenith are many and small, those at the horizon few and large."""
+
+    def light(directions):
+        angle = np.arccos(np.clip(directions @ axis, -1, 1))
+        return 20 * (np.maximum(angle, 1e-3) / np.radians(5)) ** -2.0, np.zeros(angle.shape)
+
+    image = np.minimum(seen(light), 20)
+    count = np.count_nonzero(image[..., 0] == image.max())
+    assert told(image) == f"{count} pixels share the maximum 20 of R"
+    for rows in (image, image[::-1]):  # where the maximum rises the count begins anew
+        plateau = Plateau()
+        for row in rows[..., 0]:
+            plateau.add(row, np.full(len(row), 1e-3))
+        assert plateau.pixels == count
+
+
 def test_lamps_tell_the_same():
     """Of lamps that `split_lamps` finds only their own pixels are looked at."""
     small = Probe.from_array(BOXES["a small even box"])

@@ -32,11 +32,13 @@ def exponential(low, high):
     return SphericalHarmonicExponential(zero, zero[1:], (low, high), INFO)
 
 
-def test_the_surface_is_ggx_with_its_defaults():
-    assert record_of(ggx_surface()) == record_of(parse_spec("ggx"))
+def test_the_surface_is_ggx_of_the_roughness_that_is_documented():
+    assert record_of(ggx_surface()) == record_of(parse_spec("ggx:roughness=0.5"))
     gold = parse_spec("ggx:roughness=0.3,f0=gold")
     assert ggx_surface(0.3, gold.color("f0")).values == gold.values
-    assert ggx_surface(f0=(0.04, 0.04, 0.04)).values == parse_spec("ggx:f0=0.04").values
+    assert (
+        ggx_surface(f0=(0.04, 0.04, 0.04)).values == parse_spec("ggx:roughness=0.5,f0=0.04").values
+    )
     for values in [(0.04, None), (1.01, None), (None, (0.5, 0.5, 2.0)), (float("nan"), None)]:
         with pytest.raises(BrdfError):
             ggx_surface(*values)

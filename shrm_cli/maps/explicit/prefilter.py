@@ -65,6 +65,9 @@ def converted(
 ) -> Map:
     """Make the map that tabulates another map; see `Map.converted`.
 
+    A map of this kind already is returned itself where it has what is asked for: a fit would lose
+    what is beyond its order.
+
     `order_p` is the order P of the SHRM that is tabulated. By default it is the order that the
     source has or determines. A sum of terms is tabulated as it is. `slices` and `views` are the
     numbers of samples along an axis of the view, as `ExplicitMap.view_count` takes them; by default
@@ -73,6 +76,12 @@ def converted(
     kind = explicit_kind(to)
     refuse_arguments(f"explicit maps such as {to}", frame=frame, **options)
     count = kind.view_count(slices, views)
+    if to == source.representation and order_p is None:
+        fits = source.cube_count <= most_cubes(
+            source.size, converted_bytes(source.size, source.cube_count, max_size)
+        )
+        if fits if count is None else source.cube_count == kind.image_count(count):
+            return source
     is_sum = "+" in source.center
     if isinstance(source, SummedShrm) or (isinstance(source, PrincipalMap) and is_sum):
         refuse_arguments("a sum of terms", order_p=order_p)

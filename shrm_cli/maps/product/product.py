@@ -146,10 +146,15 @@ class ProductMap(_Parabolic, MaterialMap):
 
         return product_window(spec, self, lighting)
 
-    def error_under(self, light: "Projection") -> float:
+    def error_under(self, light: "Projection", values: Mapping[str, float]) -> float:
         from shrm_cli.maps.product.window import error_beyond_order
 
-        return max(error_beyond_order(each, light) for each in self.textures)
+        shares = self.shares(values)
+        return error_beyond_order(self.at(shares), light, self.captured_at(shares))
+
+    def captured_at(self, shares: ArrayLike) -> float:
+        """Return how much of the BRDF's energy the texture has that `at` returns."""
+        return self.info.captured
 
     def mixed(self, matrix: Array, info: MapInfo) -> Map:
         """Raise a `MapError`, since only light has primaries."""
@@ -344,6 +349,11 @@ class VaryingProduct(ProductMap):
 
     def info_at(self, shares: ArrayLike) -> MapInfo:
         return replace(self.info, brdf=self.steps.recorded([self.info.brdf], shares))
+
+    def captured_at(self, shares: ArrayLike) -> float:
+        own = np.array([each.info.captured for each in self.textures])
+        # The weights of the textures of two parameters may be negative.
+        return float(np.clip(self.weights(shares) @ own, own.min(), own.max()))
 
     def values(self, local_views: ArrayLike, shares: ArrayLike = 0.5) -> Array:
         views = np.asarray(local_views, dtype=float)

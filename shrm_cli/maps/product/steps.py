@@ -99,7 +99,10 @@ class Steps:
 
         Some of the records of textures may lack a parameter, as those of GGX do where it is even.
         """
-        values = dict(zip(self.values, self.wanted(shares).tolist(), strict=True))
+        values = {
+            name: rounded(value)
+            for name, value in zip(self.values, self.wanted(shares).tolist(), strict=True)
+        }
         for brdf in brdfs:
             held = brdf.get("parameters")
             if isinstance(held, dict) and held.keys() >= values.keys():
@@ -119,6 +122,11 @@ class Steps:
             nodes = tuple(low + up for up, low in zip(corner, below, strict=True))
             result = result + np.prod(sides, axis=0)[..., None] * self.weights[nodes]
         return result
+
+
+def rounded(value: float) -> float:
+    """Return a value to 12 digits: the middle of .2 and .4 is .30000000000000004 as it is."""
+    return float(f"{value:.12g}")
 
 
 def chosen_steps(

@@ -107,13 +107,15 @@ def product_window(spec: str, product: "ProductMap", series: ArrayLike) -> Light
     return LightWindow(**{**asdict(found), **costs})
 
 
-def error_beyond_order(texture: "ProductTexture", light: "Projection") -> float:
+def error_beyond_order(texture: "ProductTexture", light: "Projection", captured: float) -> float:
     """Predict the relative RMS error that light of higher degrees than a texture's makes.
+
+    `captured` is how much of the BRDF's energy the texture has.
 
     It is in the measure of `maps.product.prefilter`, who knows the BRDF. Here all of its energy
     beyond the order is taken to be in the next octave of degrees.
     """
-    order, captured = texture.order, texture.info.captured
+    order = texture.order
     density, beyond = light_densities(light, order)
     squares = texture.values(seen_views(_VIEWS, _LEAST_COSINE), linear=True) ** 2
     known = by_degree(squares, axis=1).mean(axis=0)

@@ -158,6 +158,14 @@ def test_a_range_that_needs_too_many_is_refused(monkeypatch, more):
         varying_steps(parse_spec(LOBES[0]), {LOBES[1]: LOBES[2:], **more}, 1)
 
 
+def test_middles_are_recorded_as_people_write_them():
+    """The middle of .2 and .4 is .30000000000000004, which warnings and pages named."""
+    steps = Steps({"ax": (0.2, 0.4), "ay": (0.1, 0.5)}, np.ones((2, 2, 1)))
+    record = {"name": "ward", "parameters": {"ax": 0.2, "ay": 0.1}}
+    assert steps.recorded([record], 0.5)["parameters"] == {"ax": 0.3, "ay": 0.3}
+    assert steps.recorded([record], (0.0, 1.0))["parameters"] == {"ax": 0.2, "ay": 0.5}
+
+
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
