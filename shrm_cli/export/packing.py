@@ -102,7 +102,7 @@ _CHUNK = 4096
 """Blocks of a job."""
 
 
-def _ours(name: str, title: str, coder: ModuleType) -> TexelFormat:
+def _ours(name: str, title: str, coder: ModuleType, dimmest: float) -> TexelFormat:
     """Return a format of blocks of 4 x 4 texels by encoders of blocks of shape (3, 16, n)."""
 
     def pack(images: Array) -> Words:
@@ -116,7 +116,7 @@ def _ours(name: str, title: str, coder: ModuleType) -> TexelFormat:
         whole = Found(*(np.concatenate(each) for each in zip(*parts, strict=True)))
         return with_lamps(blocks, whole, coder.searched).ravel()
 
-    return TexelFormat(name, title, (coder.LARGEST,) * 3, 16, pack, 4)
+    return TexelFormat(name, title, (coder.LARGEST,) * 3, 16, pack, 4, dimmest)
 
 
 def _astc(edge: int) -> TexelFormat:
@@ -132,8 +132,8 @@ def _astc(edge: int) -> TexelFormat:
 BLOCKS = {
     each.name: each
     for each in (
-        _ours("bc6h", "BC6H", bc6h),
-        _ours("uastc", "UASTC HDR 4x4", uastc),
+        _ours("bc6h", "BC6H", bc6h, FORMATS["rgba16f"].dimmest),
+        _ours("uastc", "UASTC HDR 4x4", uastc, uastc.DIMMEST),
         _astc(4),
         _astc(6),
     )

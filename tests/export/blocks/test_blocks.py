@@ -9,7 +9,7 @@ import pytest
 from shrm_cli.errors import ArgumentError
 from shrm_cli.export.blocks import astc, bc6h, rate, uastc, uastc_bits
 from shrm_cli.export.blocks.bc6h import ANCHORS, MODES, PARTITIONS, pack
-from shrm_cli.export.blocks.lines import Texels, line, nearest, refined
+from shrm_cli.export.blocks.lines import Found, Texels, line, nearest, refined, with_lamps
 from shrm_cli.export.cubes import decoded
 from shrm_cli.export.dds import dds_cube, dds_image
 from shrm_cli.export.engine import Light, engine
@@ -179,6 +179,67 @@ def test_the_blocks_of_lamps_are_searched_for_longer(rng, name):
         for data in (plain.data, BLOCKS[name].pack(faces))
     ]
     assert off[1] < 0.9 * off[0]
+
+
+@pytest.mark.parametrize("name", ["bc6h", "uastc"])
+def test_dim_even_light_has_no_lamps(monkeypatch, name):
+    """Its blocks are all in error by the steps of the format, which no search makes smaller."""
+    coder, counts = {"bc6h": bc6h, "uastc": uastc}[name], []
+
+    def searched(blocks):
+        counts.append(blocks.shape[-1])
+        return coder.encoded(blocks, np.zeros(counts[-1], np.float32))
+
+    monkeypatch.setattr(coder, "searched", searched)
+    for size in (256, 128, 64):
+        BLOCKS[name].pack(np.full((6, size, size, 3), 1.03e-6))
+    assert counts == []
+
+
+@pytest.mark.parametrize("name", ["bc6h", "uastc"])
+def test_light_is_too_dim_where_the_ends_of_blocks_are_coarse(rng, name):
+    """Ends of UASTC HDR have 12 bits: of light of 1e-6 it lost 10 to 30 %, without a word."""
+    blocks = np.exp(rng.uniform(0, 0.4, (6, 8, 8, 3))).repeat(4, axis=1).repeat(4, axis=2)
+    for factor, least, most in ((1, 0.02, 0.05), (0.4, 0.05, 1), (4, 0, 0.02)):
+        faces = blocks / blocks.mean() * factor * BLOCKS[name].dimmest
+        found = loss("", faces, decoded(encoded(faces, BLOCKS[name], "")[0], BLOCKS[name], 6, 32))
+        assert least < found.rms < most
+
+
+def test_many_blocks_are_searched_for_in_turn(rng):
+    """A search takes memory for each block of it, so that it never gets many of them."""
+    blocks = np.exp(rng.normal(0, 1, (3, 16, 900)))
+    found = Found(np.zeros((900, 16), np.uint8), np.ones(900), np.full(900, np.inf))
+    counts = []
+
+    def search(some):
+        counts.append(some.shape[-1])
+        marks = (100 * some[0, :16].T).astype(np.uint8)
+        return Found(marks, np.zeros(len(marks)), np.zeros(len(marks)))
+
+    data = with_lamps(blocks, found, search)
+    lamps = (blocks**2).sum(axis=(0, 1)) > 1e-3 * (blocks**2).sum()
+    assert sum(counts) == lamps.sum() > 300
+    assert max(counts) <= 256
+    np.testing.assert_array_equal(data[lamps], (100 * blocks[0].T[lamps]).astype(np.uint8))
+    assert not data[~lamps].any()
+
+
+def test_a_lamp_is_searched_for_wherever_it_has_a_thousandth_of_the_light():
+    """Or four times the mean of all blocks, which is less in large levels."""
+    for count, least in ((100, 1e-3), (10000, 4e-4)):
+        for share, is_lamp in ((1.1 * least, True), (0.9 * least, False)):
+            blocks = np.full((3, 16, count), 1e-3)
+            blocks[..., 1] = 1
+            blocks[..., 0] = np.sqrt(share / (1 - share) * (blocks[..., 1:] ** 2).sum() / 48)
+            found = Found(np.zeros((count, 16), np.uint8), np.ones(count), np.zeros(count))
+            found.off[0] = np.inf
+
+            def search(some):
+                ones = np.ones(some.shape[-1])
+                return Found(np.ones((len(ones), 16), np.uint8), ones, ones)
+
+            assert with_lamps(blocks, found, search)[0].all() == is_lamp
 
 
 def light_of(size, rng, noise):
