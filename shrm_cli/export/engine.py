@@ -135,7 +135,10 @@ class Engine(ABC):
     """The names of the texel formats that it reads, the default first; empty where there is no
     choice."""
     spare: ClassVar[str | None] = None
-    """Texels for light whose lamps its default changes by more than `packing.MAX_LAMP`."""
+    """Texels for light whose lamps its default changes by more than `packing.MAX_LAMP`, or its
+    diffuse light in the last level by more than `packing.MAX_DIFFUSE`."""
+    is_last_diffuse: ClassVar[bool] = False
+    """Whether diffuse surfaces take the last level of its cube."""
     auto: ClassVar[tuple[str, ...]] = ("bc6h", "rgb9e5", "r11g11b10", "rgba16f")
     """Those of its formats that ``auto`` chooses from, the smallest first: what every machine that
     it runs on reads, which for desktops is not ASTC."""

@@ -21,6 +21,8 @@ from shrm_cli.export.blocks.uastc_bits import PLACES, pack, read, unpack, writte
 
 LARGEST = 65216.0
 """The largest value of a texel."""
+DIMMEST = 5e-6
+"""Below it the ends, of 12 bits, lose as much as half precision does below 6e-7."""
 _STEPS = 16
 """Where a texel may lie on its line."""
 _ROUNDS = 2

@@ -35,6 +35,7 @@ class Three(Engine):
     title = "three.js"
     formats = ("uastc", "rgba16f", "bc6h", "astc4x4", "astc6x6")
     spare = "rgba16f"
+    is_last_diffuse = True
     lamps = 16
     auto = ("uastc", "rgba16f")
     mapping = "filament"
@@ -85,7 +86,7 @@ class Three(Engine):
         if texels.name in STOCK:
             made.told.append(
                 "loading: three.js' own KTX2Loader, r187 and later, on every device; --format "
-                "rgba16f has the rounding of halves alone, five times the bytes and our loader"
+                "rgba16f has the rounding of halves alone, seven times the bytes and our loader"
             )
             made.loading += [
                 'import { KTX2Loader } from "three/addons/loaders/KTX2Loader.js";',
