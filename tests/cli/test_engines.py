@@ -464,7 +464,8 @@ def test_mappings(folder, mapping):
 
 def test_the_table_of_levels(folder):
     text = done("prefilter", "probe.exr", "--to", "splitsum", "--levels", "0,0.6,1.0", "--size", 16)
-    first, heading, *rows = text.splitlines()
+    first, heading, *rows, last = text.splitlines()
+    assert "N = V = R is assumed: shrm compare PROBE --representations" in last
     assert first.startswith("probe.splitsum.exr: split sum, 3 levels by the mapping linear, half, ")
     assert " ".join(heading.split()) == "roughness texels F made by RMS error predicted"
     assert [row.split()[0] for row in rows] == ["0", "0.6", "1"]

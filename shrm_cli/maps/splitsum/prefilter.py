@@ -416,8 +416,7 @@ def report(result: dict[str, Any]) -> list[str]:
             f"{level['roughness']:<10.4g} {texels:>15} {order:>4}  "
             f"{made_by.get(level['domain'], 'resampling'):<12} {error}"
         )
-    known = "shrm compare PROBE --representations measures it"
-    lines.append(
-        f"beside these, N = V = R is assumed: {known if not of else 'principal maps do without'}"
+    known = (
+        "principal maps do without" if of else "shrm compare PROBE --representations measures it"
     )
-    return lines
+    return [*lines, f"beside these, N = V = R is assumed: {known}"]
