@@ -478,7 +478,7 @@ def test_no_map_is_made_beside_lamps_in_vain(rng, monkeypatch):
     monkeypatch.setattr(wrong_pixels, "_LOOKED_UP", np.inf)  # maps are made for look-ups, too
     makes = counting(monkeypatch, principal_proposal, "lobe_of")
     foreseen = counting(monkeypatch, automatic._Choice, "foresee")
-    for rows, columns, times, ways in ((slice(20, 34), slice(40, 60), 0, 2), (20, 40, 1, 3)):
+    for rows, columns, times, ways in ((slice(20, 34), slice(40, 60), 0, 3), (20, 40, 1, 4)):
         light = rng.uniform(0.2, 0.8, (64, 128, 3)).astype(np.float32)
         light[rows, columns] = 300
         asked = {"brdf": "ggx:roughness=0.3", "max_size": "20kB", "seen": 1e-3}

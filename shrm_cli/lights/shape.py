@@ -34,10 +34,10 @@ from shrm_cli.vocabulary import COARSE_ROWS
 _PARTS_ALONG, _MOST_PARTS = 8, 2**14
 """The parts along the edges of pixels that discs may cut, and the most parts of a lamp. The middles
 of four pixels are on a disc of the same area, from which a third of their light differs."""
-_LEFT = 1 / 4
-"""The part of what a lamp's first discs change that others may leave. Those that leave more follow
-the pixels and not the lamp: of a round sun of 84 pixels sixteen leave .38, and five of them were
-three times as far from the sun itself as one."""
+_LEFT, _LEFT_BY_MANY, _MANY = 1 / 3, 1 / 5, 8
+"""The part of what a lamp's first discs change that others may leave, and that more than so many
+may. Those that leave more follow the pixels and not the lamp: of a round sun of 84 pixels eight
+leave .39 and thirteen .25, and those were three times as far from the sun itself as one."""
 
 
 @record(eq=False)
@@ -131,13 +131,13 @@ class Change:
         lamp, pixels, first = self.split.lamps[index], self._of_lamps[index], found[0]
         if first.error <= enough:
             return [first]
-        while min(each.error for each in found) > min(enough, _LEFT * first.error):
+        while min(each.error for each in found) > min(enough, _LEFT_BY_MANY * first.error):
             discs = next(further, None)
             if discs is None:
                 break
             finer = replace(lamp, discs=discs)
             found.append(_Shape.of(finer, _changed(finer, pixels), self._transfer))
-        return [first, *(each for each in found if each.error <= _LEFT * first.error)]
+        return [first, *(each for each in found if each.error <= _left(each.count) * first.error)]
 
     def beyond(self, last: int) -> Lighting:
         """Return what a rest that holds its degrees up to the last one lacks."""
@@ -188,6 +188,10 @@ class Change:
         series = pixels.coefficients.copy()
         series[: len(held)] += held
         return Lighting(series, pixels.energy + (held**2).sum(axis=0))
+
+
+def _left(count: int) -> float:
+    return _LEFT if count <= _MANY else _LEFT_BY_MANY
 
 
 def of_pixels(lamps: Sequence[Lamp], order: int) -> list[Array]:

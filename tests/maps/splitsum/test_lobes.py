@@ -165,9 +165,10 @@ def test_level_zero_is_the_light_where_the_least_lobe_is_a_mirrors():
     for name, domain in [("ward", "probe"), ("cook-torrance", "probe"), ("charlie", "frequency")]:
         made = prefilter(probe, [0.0, 1.0], size=8, brdf=parse_spec(name))
         assert made.level_rows()[0]["domain"] == domain
-    # Cloth has no mirror: below its least roughness, all levels are that one.
-    cloth = prefilter(probe, [0.0, 0.1, 0.2], size=8, brdf=parse_spec("charlie"))
-    np.testing.assert_array_equal(cloth.levels[0], cloth.levels[2])
+    # Cloth has no mirror: at roughness 0 it has that of its least.
+    cloth = prefilter(probe, [0.0, 1.0], size=8, brdf=parse_spec("charlie"))
+    least = prefilter(probe, [0.05, 1.0], size=8, brdf=parse_spec("charlie"))
+    np.testing.assert_allclose(cloth.levels[0], least.levels[0], rtol=0.02)
 
 
 def test_a_file_knows_its_lobe(tmp_path):
