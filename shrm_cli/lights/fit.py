@@ -230,7 +230,7 @@ class _Picture:
         columns = self._columns(shape)
         radiances = np.linalg.lstsq(columns, self._target, rcond=_RANK)[0]
         shown = radiances @ LUMINANCE
-        if only_bright and (shown < 0).any():
+        if only_bright and len(shape) > 1 and (shown < 0).any():
             return self._lit(np.delete(shape, shown.argmin(), axis=0), only_bright)
         left = self._target - columns @ radiances
         return _Lit(shape, columns, radiances, left, only_bright)
