@@ -11,6 +11,7 @@ written goes through `shown`.
 
 import functools
 import inspect
+import math
 import os
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence, Sized
@@ -55,6 +56,18 @@ def percent(part: float) -> str:
     if 0 < part < 1e-4:
         return "<0.01"
     return f"{100 * part:.2g}" if part < 0.995 else f"{100 * part:.0f}"
+
+
+def predicted_error(said: Mapping[str, Any]) -> float | None:
+    """Return the error that is predicted of a map, but for look-ups, if one is.
+
+    `said` are numbers that ``shrm prefilter --json`` prints. Where lamps are beside the map it is
+    often theirs, for little else is missing then.
+    """
+    if said.get("predicted_error") is None:
+        return None
+    causes = "predicted_error", "added_error", "lamp_error"
+    return math.hypot(*(said.get(each) or 0.0 for each in causes))
 
 
 def explained(error: BaseException, path: str | None = None) -> str:

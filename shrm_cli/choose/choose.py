@@ -353,12 +353,11 @@ def _beside_lamps(
     probe: Probe, brdf: Brdf, goal: Goal, budget: int | None, progress: Progress
 ) -> list[Offer]:
     """Return the map that `to` auto makes, if that has the probe's lamps beside it."""
-    arguments: dict[str, Any] = {"to": AUTO}
+    given: dict[str, Any] = {}
     if goal != Goal():
-        arguments |= {"error": goal.error, "seen": goal.wrong_share}
+        given |= {"error": goal.error, "seen": goal.wrong_share}
     if budget is not None:
-        arguments["max_size"] = budget
-    given = {name: value for name, value in arguments.items() if name != "to"}
+        given["max_size"] = budget
     try:
         made = prefilter_with_facts(probe, AUTO, {**given, "brdf": brdf}, progress)
     except ShrmError:  # of a budget in which nothing fits
@@ -369,7 +368,7 @@ def _beside_lamps(
     share = known.wrong_share
     assert share is not None  # both forms that are predicted know theirs
     cubes, discs = counted(known.look_ups, "cube"), counted(len(made.map.discs), "disc")
-    what = f"{cubes} of {made.map.size}, {discs} beside"
+    what, arguments = f"{cubes} of {made.map.size}, {discs} beside", {"to": AUTO, **given}
     return [
         Offer(
             known.form, what, known.bytes, known.total_error, share, (), known.look_ups, None,

@@ -142,7 +142,6 @@ def decided(
     goal: Goal,
     budget: int | None,
     offers: Sequence[Offer],
-    warnings: Sequence[str] = (),
 ) -> Choice:
     """Sort offers, mark the fronts, and recommend one."""
     unique = {(each.form, each.what): each for each in offers}.values()
@@ -159,7 +158,7 @@ def decided(
     fitting = [each for each in marked if budget is None or each.bytes <= budget]
     kept = [each for each in fitting if each.keeps(goal)]
     best = kept[0] if kept else _least_wrong(fitting, goal)
-    return Choice(probe, brdf, goal, budget, tuple(marked), best, bool(kept), tuple(warnings))
+    return Choice(probe, brdf, goal, budget, tuple(marked), best, bool(kept))
 
 
 def _beats(one: Offer, other: Offer, costs: Sequence[str]) -> bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 import sys
 from contextlib import AbstractContextManager, ExitStack, nullcontext
@@ -22,7 +21,7 @@ from shrm_cli.cli.terminal import echo_lines, echo_message, progress_bar, tell, 
 from shrm_cli.cli.types import FILE, PATH, Named, flag, option, whole
 from shrm_cli.maps.options import counted
 from shrm_cli.maps.registry import installed_names
-from shrm_cli.messages import is_remote, without_name
+from shrm_cli.messages import is_remote, predicted_error, without_name
 from shrm_cli.settings import limit_libraries
 from shrm_cli.vocabulary import (
     AUTO,
@@ -440,7 +439,6 @@ def _prediction_line(facts: dict[str, Any]) -> str:
     said = [f"{sign} = {facts[name]}" for sign, name in orders if name in facts]
     said += [f"{facts['size']} texels"] if "size" in facts else []
     said.append(f"at most {facts['bytes']:,} bytes each")
-    if facts.get("predicted_error") is not None:
-        error = math.hypot(facts["predicted_error"], facts.get("lamp_error", 0.0))
+    if (error := predicted_error(facts)) is not None:
         said.append(f"RMS error {error:.2%}")
     return f"{what}: {', '.join(said)} (as of {facts['probe']})"

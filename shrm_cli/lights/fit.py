@@ -74,10 +74,12 @@ def fitted_discs(light: Light, amplitudes: Array, most: int) -> Iterator[tuple[D
         if shape is None:
             return
         found = picture.refined(shape, only_bright)
-        if not only_bright and not are_like(picture.discs(found), light):
+        is_like = are_like(picture.discs(found), light)
+        if not (is_like or only_bright):
             only_bright = True
             found = picture.refined(shape, only_bright)
-        if are_like(picture.discs(found), light):
+            is_like = are_like(picture.discs(found), light)
+        if is_like:
             yield picture.discs(found)
         shape = picture.with_one_more(found) if count < most else None
 

@@ -1,6 +1,5 @@
 """What a report says about a material: its maps beside the truth, in pictures and numbers."""
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -9,6 +8,7 @@ from numpy.typing import NDArray
 
 from shrm_cli.arrays import Array
 from shrm_cli.maps.options import bytes_text
+from shrm_cli.messages import predicted_error
 from shrm_cli.render.camera import whole_coverage
 from shrm_cli.render.image import suitable_exposure
 from shrm_cli.render.seen import FlipError
@@ -100,21 +100,10 @@ def _row(material: Material, index: int, made: Made) -> list[Part]:
         made.form,
         orders,
         _texels(said),
-        words.known_percent(_predicted(said)),
+        words.known_percent(predicted_error(said)),
         words.known_percent(said.get("filter_error")),
         *number_cells(material, index),
     ]
-
-
-def _predicted(said: Mapping[str, Any]) -> float | None:
-    """Return the error that is predicted of a map, but for look-ups, if one is.
-
-    Where lamps are beside the map it is often theirs, for little else is missing then.
-    """
-    if said.get("predicted_error") is None:
-        return None
-    causes = "predicted_error", "added_error", "lamp_error"
-    return math.hypot(*(said.get(each) or 0.0 for each in causes))
 
 
 def _texels(said: Mapping[str, Any]) -> str:

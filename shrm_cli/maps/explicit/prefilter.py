@@ -77,10 +77,11 @@ def converted(
     refuse_arguments(f"explicit maps such as {to}", frame=frame, **options)
     count = kind.view_count(slices, views)
     if to == source.representation and order_p is None:
-        fits = source.cube_count <= most_cubes(
-            source.size, converted_bytes(source.size, source.cube_count, max_size)
-        )
-        if fits if count is None else source.cube_count == kind.image_count(count):
+        if count is None:
+            has_asked = source.cube_count <= _most_cubes(source, max_size)
+        else:
+            has_asked = source.cube_count == kind.image_count(count)
+        if has_asked:
             return source
     is_sum = "+" in source.center
     if isinstance(source, SummedShrm) or (isinstance(source, PrincipalMap) and is_sum):
@@ -101,11 +102,16 @@ def _views_within(
     """Return the samples along an axis of the view: those that are asked for, or as many as fit."""
     if count is None:
         count = kind.default_view_count(order_p)
-        cubes = most_cubes(source.size, converted_bytes(source.size, source.cube_count, max_size))
-        while count > _LEAST_VIEWS and kind.image_count(count) > cubes:
+        most = _most_cubes(source, max_size)
+        while count > _LEAST_VIEWS and kind.image_count(count) > most:
             count -= 1
     make.refuse_large(source.size, kind.image_count(count), max_size)
     return count
+
+
+def _most_cubes(source: Map, max_size: int | None) -> int:
+    """Return the most cubes that what is made of a map may have."""
+    return most_cubes(source.size, converted_bytes(source.size, source.cube_count, max_size))
 
 
 def explicit_kind(representation: str) -> type[ExplicitMap]:
