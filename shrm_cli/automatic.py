@@ -13,10 +13,11 @@ from functools import cached_property, partial
 from itertools import chain
 from typing import TYPE_CHECKING, Self
 
-from shrm_cli.forms import FORM, Forms, is_bright, with_form_told
+from shrm_cli.forms import FORM, Forms, with_form_told
 from shrm_cli.maps.lobes_lit import keeping_light
+from shrm_cli.maps.negative import examined, negative_in
 from shrm_cli.maps.options import bytes_text
-from shrm_cli.maps.request import Prefiltered, Request, examined
+from shrm_cli.maps.request import Prefiltered, Request
 from shrm_cli.maps.seen import as_candidate, judged, kept_or_best, with_discs_told
 from shrm_cli.maps.wrong_pixels import LampsBeside, beside_lamps
 from shrm_cli.plan import policy
@@ -268,13 +269,15 @@ class _Choice:
         self, foreseen: Candidate[Prefiltered], whole: Candidate[Prefiltered], is_kept: bool
     ) -> Prefiltered | None:
         """Make what `foresee_lamps_apart` found; say what a map with the lamps in it would be."""
+        # What keeps all else is turned down for that alone.
+        spots = ", and black spots" if not is_kept and whole.keeps(self.goal) else ""
         why = (
             "with them in the map (`sun` keep) it would have "
-            f"{whole.errors_text} in {bytes_text(whole.bytes)}"
+            f"{whole.errors_text} in {bytes_text(whole.bytes)}{spots}"
         )
         is_worth = partial(self._is_worth_lamps, whole=whole, is_kept=is_kept)
         made = self._make_beside(foreseen, is_worth, why)
-        return made if made is None or not is_kept or is_bright(made) else None
+        return None if made is None or (is_kept and negative_in(made).is_seen) else made
 
     def _make_beside(
         self,

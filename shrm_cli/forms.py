@@ -9,9 +9,10 @@ from dataclasses import replace
 from functools import cached_property
 
 from shrm_cli.brdf.sums import split
+from shrm_cli.maps.negative import Truth, examined, negative_in, truth_of
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.principal.proposal import Proposals
-from shrm_cli.maps.request import Prefiltered, Request, Truth, examined, truth_of
+from shrm_cli.maps.request import Prefiltered, Request
 from shrm_cli.maps.seen import as_candidate, goal_text, judged, known_error
 from shrm_cli.maps.shrm.prefilter import prefilter as shrm_prefilter
 from shrm_cli.maps.shrm.proposals import ShrmProposals
@@ -21,7 +22,6 @@ from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.probe.shared import shared
 from shrm_cli.records import Replayed, once_each, record
-from shrm_cli.vocabulary import NEGATIVE_SHARE
 
 FORM = "form"
 """The heading of the note that says which form was taken and why."""
@@ -90,7 +90,7 @@ class Forms:
     def _make_if_bright(self, found: Candidate[Prefiltered], why: str) -> Prefiltered | None:
         """Make a map with a note about its form, unless anything visible is negative."""
         made = examined(judged(found.make(), found), self.truth)
-        return with_form_told(made, why) if is_bright(made) else None
+        return None if negative_in(made).is_seen else with_form_told(made, why)
 
     @cached_property
     def in_turn(self) -> Replayed[Candidate[Prefiltered]]:
@@ -159,11 +159,6 @@ class Forms:
         if is_kept:
             return f"an SHRM of its error takes {bytes_text(best.bytes)}"
         return f"an SHRM of {bytes_text(best.bytes)} would have {best.total_error:.1%} RMS error"
-
-
-def is_bright(made: Prefiltered) -> bool:
-    """Tell whether nothing visible of an examined map is negative."""
-    return bool(made.further["negative_share"]() <= NEGATIVE_SHARE)
 
 
 def with_form_told(made: Prefiltered, why: str) -> Prefiltered:

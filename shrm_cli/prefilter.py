@@ -12,7 +12,7 @@ from shrm_cli.brdf.spec import AnyBrdf
 from shrm_cli.errors import ShrmWarning
 from shrm_cli.maps import registry
 from shrm_cli.maps.base import DISCS, REMEDY, Map
-from shrm_cli.maps.request import Prefiltered, Request, examined, truth_of
+from shrm_cli.maps.request import Prefiltered, Request
 from shrm_cli.probe.open import AnyProbe, as_probe
 from shrm_cli.probe.probe import Probe
 from shrm_cli.progress import Progress, Rising, using
@@ -183,6 +183,8 @@ def make(probe: Probe, request: Request, progress: Progress | None = None) -> Pr
                 from shrm_cli.lights.beside import with_lamps
 
                 found = with_lamps(found, lamps)
+            from shrm_cli.maps.negative import examined, truth_of
+
             found = examined(found, truth_of(probe, request.brdf))
             found = _advised(found, probe, request)
     if isinstance(work, Rising):

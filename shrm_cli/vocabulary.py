@@ -201,6 +201,10 @@ COARSE_ROWS = 128
 """Probes of so many rows have as many degrees as maps of narrow lobes carry."""
 NEGATIVE_SHARE = 1e-3
 """The share of what is visible with a negative luminance that nobody needs to be told of."""
+NEGATIVE_FROM_A_SIDE = 5e-3
+"""The same of what is visible from one side. Of a sphere of 128 pixels it is an eighth of the rim,
+two pixels wide: where more was negative of `microfacet` under a bare sun or a sunrise, a bright rim
+had blue and black gaps."""
 
 # ---- defaults ------------------------------------------------------------------------------------
 

@@ -1,5 +1,6 @@
 """The form that is chosen: right in the picture, against brute force, in few bytes."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -9,8 +10,9 @@ from shrm_cli import automatic
 from shrm_cli.errors import ArgumentError
 from shrm_cli.lights import beside
 from shrm_cli.lights.split import split_lamps
-from shrm_cli.maps import request, wrong_pixels
+from shrm_cli.maps import negative, wrong_pixels
 from shrm_cli.maps.lamps.map import LampMap
+from shrm_cli.maps.negative import Negative
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.principal import proposal as principal_proposal
 from shrm_cli.maps.request import Prefiltered
@@ -229,6 +231,7 @@ def test_lamps_go_beside_the_map_where_it_cannot_keep_them(bare_sun, spec):
     assert apart.map.info.options["to"] == "auto"
     assert "sun" not in apart.map.info.options  # whoever asks for the same gets the same
     assert apart.further["negative_share"]() == 0
+    assert apart.further["worst_negative_share"]() == 0
 
 
 @pytest.mark.proof
@@ -263,7 +266,7 @@ def test_lamps_taken_out_by_hand_leave_as_much_to_be_missed():
 
 def test_what_is_missed_beside_lamps_is_told_of_all_light():
     """What is left may miss much of its own light, which nobody should read as that of all."""
-    missed = Candidate("principal", 1000, 1, 0.6, lambda: 0.01, lambda: request.Prefiltered(None))
+    missed = Candidate("principal", 1000, 1, 0.6, lambda: 0.01, lambda: Prefiltered(None))
     (line,) = kept_or_best([missed], Goal(0.4, 0.05), 2**25, left=0.125).warnings
     assert "no map keeps an RMS error of 5% of all light and 5% wrong pixels" in line
     assert "the one made has 7.5% RMS error and 1% of pixels wrong" in line
@@ -329,7 +332,7 @@ def test_lamps_beside_a_map_that_keeps_too_little_have_to_spare_bytes(rng, monke
 
 def test_lamps_leave_large_maps_that_keep_them_for_far_smaller_ones(bare_sun, monkeypatch):
     monkeypatch.setattr(policy, "SIMPLE_TIMES", 0)
-    asked = {"brdf": "ggx:roughness=0.5", "error": 0.05}
+    asked = {"brdf": "ggx:roughness=0.6", "error": 0.05}
     kept = made(bare_sun, **asked, sun="keep")
     assert not any("no map keeps" in line for line in kept.warnings)
     monkeypatch.setattr(policy, "LARGE", 10_000)
@@ -401,29 +404,32 @@ def test_a_size_that_is_too_small_is_named():
     assert "raise `max_size`" in line
 
 
-def test_dark_maps_are_made_without_lamps_too(bare_sun, monkeypatch):
-    """Where all that keep the error are negative beside the lamp."""
+@pytest.mark.parametrize("shown", [Negative(0.3, 0.3), Negative(0.0, 0.006)])
+def test_dark_maps_are_made_without_lamps_too(bare_sun, monkeypatch, shown):
+    """Where all that keep the error are negative beside the lamp, from some side at least."""
     asked = {"brdf": "ggx:roughness=0.5", "error": 0.3, "seen": 0.9}
     assert not isinstance(made(bare_sun, **asked).map, LampMap)
-    counted = request.negative_share
+    counted = negative.negative_of
 
     def dark(map_, truth=None):
-        return 0.3 if lamps_beside.get() is None else counted(map_, truth)
+        return shown if lamps_beside.get() is None else counted(map_, truth)
 
-    monkeypatch.setattr(request, "negative_share", dark)
-    assert isinstance(made(bare_sun, **asked).map, LampMap)
+    monkeypatch.setattr(negative, "negative_of", dark)
+    found = made(bare_sun, **asked)
+    assert isinstance(found.map, LampMap)
+    assert re.search(r"with them in the map .*, and black spots$", dict(found.notes)["form"])
 
 
 def test_dark_places_are_given_more(probe, monkeypatch):
     """Where a map is negative, those of less error are tried, and the least dark one is taken."""
     asked = []
-    shares = [0.3, 0.1, 0.2]
+    shares = [(0.0005, 0.3), (0.02, 0.0), (0.0, 0.2)]
 
     def share(map_, truth=None):
         asked.append(texels(map_))
-        return shares[len(asked) - 1]
+        return Negative(*shares[len(asked) - 1])
 
-    monkeypatch.setattr(request, "negative_share", share)
+    monkeypatch.setattr(negative, "negative_of", share)
     monkeypatch.setattr(policy, "SIMPLE_TIMES", 0)
     found = made(probe, brdf=MICROFACET, sun="keep").map
     assert len(asked) == policy.TRIED_DARK
@@ -437,7 +443,8 @@ def test_what_is_better_is_looked_for_beside_each_map(monkeypatch):
     def candidate(bytes_):
         return Candidate("principal", bytes_, 1, 0.01, float, lambda: Prefiltered(None))
 
-    dark = replace(Prefiltered(None), further={"negative_share": lambda: 0.5})
+    shares = {"negative_share": lambda: 0.5, "worst_negative_share": lambda: 0.5}
+    dark = replace(Prefiltered(None), further=shares)
     monkeypatch.setattr("shrm_cli.maps.seen.examined", lambda *_: dark)
     beside = Prefiltered(None, warnings=("beside",))
     found = kept_or_best(
@@ -461,7 +468,7 @@ def counting(monkeypatch, owner, name):
 
 def test_nothing_is_found_out_twice(probe, monkeypatch):
     monkeypatch.setattr(policy, "SIMPLE_TIMES", 0)
-    dark = counting(monkeypatch, request, "negative_share")
+    dark = counting(monkeypatch, negative, "negative_of")
     wrong = counting(monkeypatch, principal_proposal, "predicted_wrong_share")
     expanded = counting(monkeypatch, proposals, "choose_orders")
     found = made(probe, brdf=SKIN)

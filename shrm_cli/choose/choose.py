@@ -37,7 +37,6 @@ from shrm_cli.maps.seen import as_candidate
 from shrm_cli.maps.shader.cost import Cost, principal_cost, shrm_cost
 from shrm_cli.maps.shrm.proposals import ShrmProposals
 from shrm_cli.maps.size import total_error
-from shrm_cli.maps.wrong_pixels import visible_pairs
 from shrm_cli.messages import several
 from shrm_cli.plan import policy
 from shrm_cli.plan.search import Candidate, Goal, Row, kept_in_fewest
@@ -53,6 +52,7 @@ from shrm_cli.reference import Reference
 from shrm_cli.render.seen import seen_errors
 from shrm_cli.render.sphere import Reflecting
 from shrm_cli.sphere.directions import bisector
+from shrm_cli.sphere.quadrature import scrambled, spiral_directions
 from shrm_cli.vocabulary import AUTO, DEFAULT_ERROR, DEFAULT_MAX_SIZE, DEFAULT_SEEN
 
 ASKED = Request("principal", error=policy.LEAST_ERROR)
@@ -157,7 +157,8 @@ class Truth:
 
     def __init__(self, probe: Probe, brdf: Brdf, progress: Progress | None = None) -> None:
         self._probe, self._brdf, self._progress = probe, brdf, progress
-        mirrored, self._views = visible_pairs(_POINTS)
+        mirrored = spiral_directions(_POINTS)
+        self._views = mirrored[scrambled(_POINTS)]
         self._normals = bisector(mirrored, self._views)
 
     @cached_property

@@ -24,8 +24,9 @@ from shrm_cli.maps.lamps.lobe import LobeTable, bytes_of_table, table_bytes
 from shrm_cli.maps.lamps.map import DIM_THE_REST, LampMap
 from shrm_cli.maps.lamps.rule import LitDiscs
 from shrm_cli.maps.lobes_lit import Lobes, judged, reflected
+from shrm_cli.maps.negative import negative_in
 from shrm_cli.maps.options import counted
-from shrm_cli.maps.request import Prefiltered, Request, negative_warnings
+from shrm_cli.maps.request import Prefiltered, Request
 from shrm_cli.maps.view_lobes import whole_lobes
 from shrm_cli.maps.wrong_pixels import LampsBeside, LampsLit, beside_lamps, share_of_points
 from shrm_cli.messages import percent
@@ -327,8 +328,8 @@ def with_lamps(made: Prefiltered, beside: Beside) -> Prefiltered:
     of_dark: tuple[str, ...] = ()
     darkness = of_dark
     if "negative_share" in further:  # of the map as it is seen with the lamps
-        dark = further["negative_share"]()
-        of_dark, darkness = negative_warnings(made.map, dark), negative_warnings(lit, dark)
+        dark = negative_in(made)
+        of_dark, darkness = dark.warnings(made.map), dark.warnings(lit)
     told = [
         f"of the light without its lamps: {line.replace(REMEDY, DIM_THE_REST)}"
         for line in made.warnings

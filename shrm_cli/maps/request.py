@@ -4,13 +4,10 @@ The makers of maps take a `Request`, files record it, and batches compare their 
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import field
 from types import MappingProxyType
 from typing import Any, Self, cast
 
-import numpy as np
-
-from shrm_cli.arrays import Array
 from shrm_cli.brdf.base import Brdf
 from shrm_cli.brdf.library import foreign_modules
 from shrm_cli.brdf.spec import as_brdf
@@ -22,10 +19,8 @@ from shrm_cli.maps.options import SHARED, bytes_text, listing, owners
 from shrm_cli.maps.size import stored_bytes
 from shrm_cli.messages import percent
 from shrm_cli.probe.probe import Probe
-from shrm_cli.progress import using
 from shrm_cli.records import record
 from shrm_cli.sources import package_digest
-from shrm_cli.sphere.directions import bisector
 from shrm_cli.vocabulary import (
     AUTO,
     DEFAULT_EPS,
@@ -33,10 +28,6 @@ from shrm_cli.vocabulary import (
     DEFAULT_MAX_SIZE,
     DEFAULT_SEEN,
     EXPANDED,
-    LUMINANCE,
-    NEGATIVE_SHARE,
-    SEEN_FLOOR,
-    WRONG,
     Domain,
     Frame,
     Sampling,
@@ -225,8 +216,6 @@ def check_arguments(to: str, given: Iterable[str]) -> None:
 
 _WRONG = "the reflected light is wrong by"
 """How all lines about the error of the light begin."""
-Truth = Callable[[Array, Array], Array]
-"""Takes normals and views; returns what is reflected, shape (n, 3)."""
 Notes = tuple[tuple[str, str], ...]
 """Headings and texts that tell people what was chosen automatically."""
 
@@ -335,78 +324,3 @@ def error_lines(result: dict[str, Any], added_by: str) -> list[str]:
     if share is not None:
         lines.append(f"pixels         {share:.1%} predicted to be wrong by more than 5%")
     return lines
-
-
-_DARK_PAIRS = 1024
-"""The number of those with negative light whose truth is looked at, about."""
-
-
-def truth_of(probe: Probe, brdf: Brdf) -> Truth:
-    """Return what looks up what a BRDF reflects of a probe, by normals and views."""
-
-    def radiance(normals: Array, views: Array) -> Array:
-        from shrm_cli.reference import Reference  # which maps that are not negative do not need
-
-        with using(None):
-            return Reference(probe, brdf).radiance(normals, views)
-
-    return radiance
-
-
-def negative_share(map_: Map, truth: Truth | None = None) -> float:
-    """Estimate the share of what is visible of a map whose luminance is below 0.
-
-    Mirror directions and views are spread evenly over all pairs. These are the pixels of spheres,
-    seen in parallel projection from all sides. Lamps that are to lie beside the map light it.
-
-    `truth` is what is reflected, where it is known: what is black in truth may be so in the map.
-
-    Returns it in 0 .. 1, to about 0.001 where it is small.
-    """
-    from shrm_cli.maps.wrong_pixels import (  # maps of light alone need none
-        lamps_beside,
-        visible_pairs,
-    )
-
-    mirrored, views = visible_pairs()
-    shown = map_.shaded().rough_radiance(mirrored, views) @ LUMINANCE
-    lamps = lamps_beside.get()
-    where = np.arange(len(shown))
-    if lamps is not None and not lamps.lit.may_darken:
-        where = np.flatnonzero(shown < 0)
-    lit = shown[where] if lamps is None else shown[where] + lamps.lit.visible_at(where)
-    dark = where[lit < 0]
-    share = len(dark) / len(shown)
-    if truth is None or share <= NEGATIVE_SHARE:
-        return share
-    if lamps is not None:
-        shown = shown + lamps.lit.visible_at(np.arange(len(shown)))
-    dark = dark[:: -(-len(dark) // _DARK_PAIRS)]
-    light = truth(bisector(mirrored[dark], views[dark]), views[dark]) @ LUMINANCE
-    seen = WRONG * SEEN_FLOOR * float(np.maximum(shown, 0).mean())
-    return share * float(np.mean(light > seen))
-
-
-def examined(made: Prefiltered, truth: Truth | None = None) -> Prefiltered:
-    """Record the negative share of a map that was just made, and warn of it where it is seen.
-
-    Where that was done, as the share decides which map is made, it is not done again. The truth is
-    that of `negative_share`.
-    """
-    if "negative_share" in made.further:
-        return made
-    share = negative_share(made.map, truth)
-    # It stands behind the facts that are still to be found, so that JSON keeps its order.
-    further = {**made.further, "negative_share": lambda: share}
-    warnings = (*made.warnings, *negative_warnings(made.map, share))
-    return replace(made, further=further, warnings=warnings)
-
-
-def negative_warnings(map_: Map, share: float) -> tuple[str, ...]:
-    """Return a line about the negative share of a map, and what helps, if anybody would see it."""
-    if share <= NEGATIVE_SHARE:
-        return ()
-    return (
-        f"{share:.1%} of what is visible is black, mostly beside lamps, for it is negative there; "
-        f"{map_.against_negatives}",
-    )

@@ -14,13 +14,13 @@ from functools import cache
 from shrm_cli.maps import registry
 from shrm_cli.maps.base import DISCS, REMEDY
 from shrm_cli.maps.lobes_lit import keeping_light
+from shrm_cli.maps.negative import Truth, examined, negative_in
 from shrm_cli.maps.options import SHARED, bytes_text
-from shrm_cli.maps.request import Prefiltered, Request, Truth, examined
+from shrm_cli.maps.request import Prefiltered, Request
 from shrm_cli.maps.size import stored_bytes, total_error
 from shrm_cli.plan import policy
 from shrm_cli.plan.search import Candidate, Goal, least_wrong
 from shrm_cli.probe.probe import Probe
-from shrm_cli.vocabulary import NEGATIVE_SHARE
 
 
 @keeping_light()
@@ -38,7 +38,7 @@ def kept_or_best(
     `candidates` are those of `shrm_cli.plan.search.rising`. `max_size` is the most bytes, for the
     warning. `better` is called with each candidate that keeps the goal and True, and with the best
     one and False where none keeps it, or all are negative somewhere; may return a map that is
-    better. `truth` is that of `negative_share`. `left` is the RMS of the light that the map is of,
+    better. `truth` is that of `negative_of`. `left` is the RMS of the light that the map is of,
     over that of all light, of which the warning tells; 1 where there is no other. `size` is that of
     all candidates, where it was asked for.
 
@@ -54,17 +54,17 @@ def kept_or_best(
         if (other := better(candidate, True)) is not None:
             return other
         made = examined(judged(candidate.make(), candidate), truth)
-        share = made.further["negative_share"]()
-        if share <= NEGATIVE_SHARE:
+        found = negative_in(made)
+        if not found.is_seen:
             return made
-        dark.append((share, candidate, made))
+        dark.append((found.badness, candidate, made))
         if len(dark) == policy.TRIED_DARK:
             break
     if dark:  # what else is asked is kept; the warning about negative light tells the rest
-        least = policy.MISSED * min(share for share, *_ in dark)
-        best, made = next((each, made) for share, each, made in dark if share <= least)
+        least = policy.MISSED * min(bad for bad, *_ in dark)
+        best, made = next((each, made) for bad, each, made in dark if bad <= least)
         other = better(best, False)
-        if other is not None and other.further["negative_share"]() <= NEGATIVE_SHARE:
+        if other is not None and not negative_in(other).is_seen:
             return other
         return made
     best = least_wrong(tried, goal)

@@ -18,6 +18,7 @@ from shrm_cli.sphere.directions import (
     local_frame,
     normalize,
 )
+from shrm_cli.sphere.quadrature import spiral_directions
 from shrm_cli.vocabulary import Center
 
 _VIEWS, _AZIMUTHS = 24, 4
@@ -150,6 +151,40 @@ class Pixels:
         towards = normalize(views - np.sum(normals * views, axis=-1, keepdims=True) * normals)
         azimuth = sample_tangents(self.views.shape[1])[at[1], None]
         return np.asarray(np.cos(azimuth) * towards - np.sin(azimuth) * np.cross(normals, towards))
+
+
+@record(eq=False)
+class Side:
+    """What is seen of spheres from one side or from several, in parallel projection.
+
+    All mirror directions have as many pixels there.
+    """
+
+    views: Array
+    """Unit vectors, world axes, shape (sides, 3)."""
+    count: int
+    """The number of pixels from each side."""
+
+    @cached_property
+    def points(self) -> tuple[Array, Array]:
+        """The mirror directions and the views of all pixels, those of a side in a row, (n, 3)."""
+        mirrored = np.tile(spiral_directions(self.count), (len(self.views), 1))
+        return mirrored, self.views.repeat(self.count, axis=0)
+
+
+_SIDES = 64
+
+
+@cache
+def all_sides(count: int) -> Side:
+    """Return what is seen from sides all around, in so many pixels each."""
+    return Side(spiral_directions(_SIDES), count)
+
+
+@cache
+def one_side(side: int, count: int) -> Side:
+    """Return what is seen from one of them."""
+    return Side(spiral_directions(_SIDES)[[side]], count)
 
 
 @cache

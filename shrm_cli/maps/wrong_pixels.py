@@ -11,18 +11,16 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import field
-from functools import cache, cached_property
 
 import numpy as np
 
 from shrm_cli.arrays import Array, Indices
 from shrm_cli.maps.lobes_lit import Lobes, judged, lit, reflected, together
-from shrm_cli.maps.sphere_pixels import Pixels, sample_views
+from shrm_cli.maps.sphere_pixels import Pixels, Side, sample_views
 from shrm_cli.probe.lighting import Lighting
 from shrm_cli.records import once_each, record
 from shrm_cli.sphere.cube import bilinear_filtering
 from shrm_cli.sphere.directions import bisector, horizontal_tangents
-from shrm_cli.sphere.quadrature import scrambled, spiral_directions
 from shrm_cli.vocabulary import LUMINANCE, SEEN_FLOOR, WRONG
 
 Points = tuple[Indices, ...]
@@ -192,6 +190,7 @@ class LampsLit:
     may_darken: bool = False
     """Whether some of their radiance is negative."""
     _known: dict[object, Array] = field(default_factory=dict, init=False, repr=False)
+    _visible: dict[Side, Array] = field(default_factory=dict, init=False, repr=False)
 
     @property
     def first(self) -> Array:
@@ -207,22 +206,19 @@ class LampsLit:
             self._known[known] = 2 * np.pi * light @ LUMINANCE
         return self._known[known]
 
-    @cached_property
-    def _visible(self) -> Array:
-        return np.full(_PAIRS, np.nan)
-
-    def visible_at(self, pairs: Indices) -> Array:
-        """Return the luminance of it at some of the `visible_pairs`, by their indices, shape (n,).
+    def visible_at(self, side: Side, where: Indices) -> Array:
+        """Return the luminance of it at some pixels of spheres, by their indices, shape (n,).
 
         Each of them is found once.
         """
-        new = pairs[np.isnan(self._visible[pairs])]
+        found = self._visible.setdefault(side, np.full(len(side.points[0]), np.nan))
+        new = where[np.isnan(found[where])]
         if len(new):
-            mirrored, views = (each[new] for each in visible_pairs())
+            mirrored, views = (each[new] for each in side.points)
             normals = bisector(mirrored, views)
             light = self.radiance(normals, horizontal_tangents(normals), views)
-            self._visible[new] = light @ LUMINANCE
-        return self._visible[pairs]
+            found[new] = light @ LUMINANCE
+        return found[where]
 
 
 @record(eq=False)
@@ -276,15 +272,3 @@ drawn evenly 2.4 to 3.5 % are wrong of `oren-nayar` at night, of these 2.7 to 2.
 _NEAR, _MORE = 3.0, 4.0
 """Points that are wrong by a third to three times of what shows are drawn so many times as often
 for look-ups."""
-_PAIRS = 4096
-"""The number of pairs of a mirror direction and a view that are looked at."""
-
-
-@cache
-def visible_pairs(count: int = _PAIRS) -> tuple[Array, Array]:
-    """Return the mirror directions and the views, which are always the same; read-only."""
-    directions = spiral_directions(count)
-    views = directions[scrambled(count)]
-    for each in (directions, views):
-        each.setflags(write=False)
-    return directions, views

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 from itertools import product
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,7 +18,8 @@ from shrm_cli.errors import ArgumentError, MapError
 from shrm_cli.maps.base import Map, ReflectedLight
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.kinds import LightMap, MaterialMap
-from shrm_cli.maps.request import negative_share, negative_warnings, wrong_light
+from shrm_cli.maps.negative import Negative, negative_of
+from shrm_cli.maps.request import wrong_light
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.records import record
@@ -26,6 +27,7 @@ from shrm_cli.rooms.grid import ProbeGrid
 from shrm_cli.rooms.lit import in_grid
 from shrm_cli.vocabulary import DEFAULT_ROUGHNESS
 
+Measured = TypeVar("Measured")
 _ROUNDING = 1e-6
 """How far a roughness may lie outside a map's range, which files hold as 32-bit floats."""
 
@@ -180,7 +182,7 @@ def lit_maps(
             raise MapError(f"{name}: a product texture that holds no light; give `probe`")
         order, shown = each.info.order_f, _shown_ends(each, ways)
         # Of the most degrees, so that light is projected once.
-        error, at_error = _worst(shown, partial(each.error_under, light))
+        error, at_error = _worst(shown, partial(each.error_under, light), float)
         series = light.to_order(order).coefficients[: (order + 1) ** 2]
         shape = each.window(window or "auto", series)
         lit = each.lit(shape.apply(series))
@@ -198,8 +200,8 @@ def lit_maps(
             warnings.append(f"{name}: {at_error}{wrong_light(error, why, remedy)}")
         # Its metals are in the primaries that the light of its making had, of Rec.709 without any.
         lit = lit.with_info(replace(lit.info, chromaticities=light.probe.chromaticities))
-        share, where = _worst(shown, partial(_negative_share, lit))
-        warnings += [f"{name}: {where}{line}" for line in negative_warnings(lit, share)]
+        dark, where = _worst(shown, partial(_negative, lit), lambda each: each.badness)
+        warnings += [f"{name}: {where}{line}" for line in dark.warnings(lit)]
         found.append(lit)
     return found, warnings
 
@@ -222,17 +224,19 @@ def _shown_ends(
 
 
 def _worst(
-    shown: Sequence[dict[str, float]], measure: Callable[[dict[str, float]], float]
-) -> tuple[float, str]:
-    """Return the largest of some numbers, and at which values it is, in words."""
+    shown: Sequence[dict[str, float]],
+    measure: Callable[[dict[str, float]], Measured],
+    badness: Callable[[Measured], float],
+) -> tuple[Measured, str]:
+    """Return the worst of what is measured, and at which values it is, in words."""
     found = [(measure(values), values) for values in shown]
-    number, values = max(found, key=lambda each: each[0])
+    worst, values = max(found, key=lambda each: badness(each[0]))
     said = " and ".join(f"{key}={value:g}" for key, value in values.items())
-    return number, f"with {said}, " if said else ""
+    return worst, f"with {said}, " if said else ""
 
 
-def _negative_share(lit: Any, values: dict[str, float]) -> float:
-    return negative_share(lit.with_values(values) if lit.ways else lit)
+def _negative(lit: Any, values: dict[str, float]) -> Negative:
+    return negative_of(lit.with_values(values) if lit.ways else lit)
 
 
 # ---- brought to the same primaries ---------------------------------------------------------------

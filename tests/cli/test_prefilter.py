@@ -39,7 +39,8 @@ KEYS = [
     "file", "representation", "frame", "center", "size", "sampling", "maps", "domain", "order_f",
     "order_p", "order_carried", "epsilon", "brdf_energy_captured", "predicted_error",
     "added_error", "filter_error", "storage_error", "error_bound", "predicted_wrong_share",
-    "negative_share", "brdf", "probe", "probe_sha256", "bytes", "precision", "warnings",
+    "negative_share", "worst_negative_share", "brdf", "probe", "probe_sha256", "bytes",
+    "precision", "warnings",
 ]  # fmt: skip
 
 

@@ -6,14 +6,7 @@ from typing import Any
 from shrm_cli.maps.base import REMEDY
 from shrm_cli.maps.options import bytes_text, counted
 from shrm_cli.maps.principal.proposal import TABLED, Proposal, Proposals
-from shrm_cli.maps.request import (
-    Prefiltered,
-    Request,
-    error_lines,
-    truth_of,
-    unkept_error,
-    wrong_light,
-)
+from shrm_cli.maps.request import Prefiltered, Request, error_lines, unkept_error, wrong_light
 from shrm_cli.plan.search import ROUNDING, Goal, rising
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
@@ -29,7 +22,8 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
     asked = request if goal is None else replace(request, error=goal.error)
     proposals = Proposals(Projection(probe), asked)
     if goal is not None:
-        # Only maps that are judged by what is seen need this module.
+        # Only maps that are judged by what is seen need these modules.
+        from shrm_cli.maps.negative import truth_of
         from shrm_cli.maps.seen import kept_or_best
 
         candidates = rising(proposals, goal, request.allowed)

@@ -13,7 +13,7 @@ from shrm_cli.brdf.sums import split as split_terms
 from shrm_cli.errors import ArgumentError
 from shrm_cli.maps.base import Map
 from shrm_cli.maps.options import counted
-from shrm_cli.maps.request import Prefiltered, Request, error_lines, truth_of, unkept_error
+from shrm_cli.maps.request import Prefiltered, Request, error_lines, unkept_error
 from shrm_cli.maps.shrm import make
 from shrm_cli.maps.size import converted_bytes, most_cubes, total_error
 from shrm_cli.messages import refuse_arguments
@@ -44,6 +44,7 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
     light = Projection(probe)
     if request.seen is not None:
         # Only maps that are judged by what is seen need these modules.
+        from shrm_cli.maps.negative import truth_of
         from shrm_cli.maps.seen import kept_or_best
         from shrm_cli.maps.shrm.proposals import ShrmProposals
         from shrm_cli.plan.search import Goal, rising
