@@ -140,7 +140,7 @@ def test_lamps_are_looked_up_where_the_map_alone_is_negative(lamp):
     with beside_lamps(LampsBeside(LampsLit(np.ones(3), bright), np.zeros((1, 3)), None)):
         assert negative_of(made).badness == 0
         assert negative_of(made).badness == 0
-    assert asked == [round(alone * 64 * 256)]
+    assert asked == [round(alone * 64 * 128)]
     assert asked[0] > 0
 
 
