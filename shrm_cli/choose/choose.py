@@ -26,6 +26,8 @@ from shrm_cli.maps.expansion import Expansion
 from shrm_cli.maps.kinds import LightMap
 from shrm_cli.maps.lamps.map import LampMap
 from shrm_cli.maps.lobes_lit import keeping_light
+from shrm_cli.maps.negative import Truth as Reflected
+from shrm_cli.maps.negative import negative_in, negative_of, truth_of
 from shrm_cli.maps.offers import LookUp, Setting
 from shrm_cli.maps.options import counted, parse_bytes
 from shrm_cli.maps.principal.plan import Joint
@@ -34,7 +36,7 @@ from shrm_cli.maps.principal.selection import bundle_degrees
 from shrm_cli.maps.principal.terms import planner_of
 from shrm_cli.maps.request import Prefiltered, Request
 from shrm_cli.maps.seen import as_candidate
-from shrm_cli.maps.shader.cost import Cost, principal_cost, shrm_cost
+from shrm_cli.maps.shader.cost import Cost, cost_of, principal_cost, shrm_cost
 from shrm_cli.maps.shrm.proposals import ShrmProposals
 from shrm_cli.maps.size import total_error
 from shrm_cli.messages import several
@@ -336,12 +338,31 @@ def _chosen(
         except ShrmError as reason:
             missing.append(f"no {form}: {reason}")
     count = 0 if brdf.center == "tangent" else len(split_of(probe).discs)
-    found = decided(probe.name, name, goal, budget, offers)
-    if count and _may_gain_by_lamps_beside(found):
-        offers += _beside_lamps(probe, brdf, goal, budget, work)
-        found = decided(probe.name, name, goal, budget, offers)
+    found = without_spots(decided(probe.name, name, goal, budget, offers), truth_of(probe, brdf))
+    have_spots = any(each.has_spots for each in found.offers)
+    if have_spots or (count and _may_gain_by_lamps_beside(found)):
+        made = _automatic(probe, brdf, goal, budget, work)
+        if made is not None and not any(made.is_like(each) for each in found.offers):
+            found = decided(probe.name, name, goal, budget, [*found.offers, made])
     work.end()
     return replace(found, lamps=count, warnings=tuple(f"{name}: {line}" for line in missing))
+
+
+def without_spots(choice: Choice, truth: Reflected) -> Choice:
+    """Recommend a map that is negative nowhere where that is seen, if there is one.
+
+    Those whose errors are predicted are looked at, as `to` auto does, one after the other as they
+    would be recommended.
+    """
+    for _ in range(policy.TRIED_DARK):
+        best = choice.recommended
+        if best is None or best.measured or not choice.is_kept:
+            break
+        if not negative_of(best.make(), truth).is_seen:
+            break
+        offers = [replace(each, has_spots=True) if each is best else each for each in choice.offers]
+        choice = decided(choice.probe, choice.brdf, choice.goal, choice.budget, offers)
+    return choice
 
 
 def _may_gain_by_lamps_beside(choice: Choice) -> bool:
@@ -350,10 +371,10 @@ def _may_gain_by_lamps_beside(choice: Choice) -> bool:
     return best is None or not choice.is_kept or best.bytes > policy.LARGE
 
 
-def _beside_lamps(
+def _automatic(
     probe: Probe, brdf: Brdf, goal: Goal, budget: int | None, progress: Progress
-) -> list[Offer]:
-    """Return the map that `to` auto makes, if that has the probe's lamps beside it."""
+) -> Offer | None:
+    """Return the map that `to` auto makes, if any fits in the budget."""
     given: dict[str, Any] = {}
     if goal != Goal():
         given |= {"error": goal.error, "seen": goal.wrong_share}
@@ -362,20 +383,20 @@ def _beside_lamps(
     try:
         made = prefilter_with_facts(probe, AUTO, {**given, "brdf": brdf}, progress)
     except ShrmError:  # of a budget in which nothing fits
-        return []
-    if not isinstance(made.map, LampMap):
-        return []
+        return None
     known = as_candidate(made)
     share = known.wrong_share
     assert share is not None  # both forms that are predicted know theirs
-    cubes, discs = counted(known.look_ups, "cube"), counted(len(made.map.discs), "disc")
-    what, arguments = f"{cubes} of {made.map.size}, {discs} beside", {"to": AUTO, **given}
-    return [
-        Offer(
-            known.form, what, known.bytes, known.total_error, share, (), known.look_ups, None,
-            arguments, Making(probe, brdf, arguments, lambda: made.map),
-        )
-    ]  # fmt: skip
+    cost, what = cost_of(made.map), f"{counted(known.look_ups, 'cube')} of {made.map.size}"
+    if isinstance(made.map, LampMap):
+        what += f", {counted(len(made.map.discs), 'disc')} beside"
+    arguments = {"to": AUTO, **given}
+    return Offer(
+        known.form, what, known.bytes, known.total_error, share, (), known.look_ups,
+        None if cost is None else cost.multiply_adds,
+        arguments, Making(probe, brdf, arguments, lambda: made.map),
+        has_spots=negative_in(made).is_seen,
+    )  # fmt: skip
 
 
 def _ladder(rows: Rows) -> Iterator[Known]:

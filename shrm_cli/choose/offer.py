@@ -41,6 +41,8 @@ class Offer:
         Makes the map.
     on_front, on_cost_front : bool
         Whether no other offer has fewer bytes for no more error; or a cheaper shader.
+    has_spots : bool
+        Whether it was looked at, and is negative where that is seen: black, mostly beside lamps.
 
     Examples
     --------
@@ -62,9 +64,16 @@ class Offer:
     make: Callable[[], Map] = field(repr=False, compare=False)
     on_front: bool = False
     on_cost_front: bool = False
+    has_spots: bool = False
 
     def keeps(self, goal: Goal) -> bool:
-        return self._candidate().keeps(goal)
+        """Tell whether its picture is right; looks at no spots that were not looked for."""
+        return not self.has_spots and self._candidate().keeps(goal)
+
+    def is_like(self, other: "Offer") -> bool:
+        """Tell whether another one has as many cubes of the same size."""
+        names = "form", "bytes", "look_ups", "multiply_adds"
+        return all(getattr(self, name) == getattr(other, name) for name in names)
 
     def _candidate(self) -> Candidate[Map]:
         return Candidate(

@@ -21,7 +21,7 @@ _MOST_ROWS = 24
 """The most pairs of a probe and a material that one picture shows."""
 _SAID = (
     "form", "what", "bytes", "error", "wrong_share", "measured", "look_ups", "multiply_adds",
-    "on_front", "on_cost_front", "arguments",
+    "on_front", "on_cost_front", "has_spots", "arguments",
 )  # fmt: skip
 """What JSON has of an offer."""
 _HEADS = ("", "form", "bytes", "RMS", "wrong", "look-ups", "multiply-adds", "")
@@ -152,7 +152,8 @@ def _report(path: str, choice: shrm.Choice) -> list[str]:
     return [
         f"{path}, {choice.brdf}",
         *columns(rows, left=(0, 1, -1)),
-        "  b: on the front of bytes and error; c: of the shader's cost; ~: measured",
+        "  b: on the front of bytes and error; c: of the shader's cost; ~: measured"
+        + ("; s: has black spots" if any(each.has_spots for each in choice.offers) else ""),
         *_advice(path, choice),
     ]
 
@@ -162,8 +163,11 @@ def _row(offer: shrm.Offer, is_best: bool) -> tuple[str, ...]:
 
     marks = "".join(
         sign if holds else " "
-        for sign, holds in ((">", is_best), ("b", offer.on_front), ("c", offer.on_cost_front))
-    )
+        for sign, holds in (
+            (">", is_best), ("b", offer.on_front), ("c", offer.on_cost_front),
+            ("s", offer.has_spots),
+        )
+    ).rstrip()  # fmt: skip
     return (
         f"  {marks}",
         offer.form,

@@ -12,6 +12,8 @@ from shrm_cli.brdf.spec import parse_spec
 from shrm_cli.choose import choose
 from shrm_cli.choose.choose import Truth
 from shrm_cli.errors import ArgumentError
+from shrm_cli.lights import beside
+from shrm_cli.lights.split import split_lamps
 from shrm_cli.maps.lamps.map import LampMap
 from shrm_cli.maps.principal.plan import Sharing
 from shrm_cli.maps.principal.principal import PrincipalMap
@@ -359,6 +361,41 @@ def test_lamps_lie_beside_a_map_as_by_default(sun, monkeypatch, large):
     (found,) = shrm.choose(sun, "phong:exponent=100")
     made = shrm.prefilter(sun, "phong:exponent=100")
     assert isinstance(made, LampMap) == (found.recommended.multiply_adds is None)
+
+
+def worst_side(shown):
+    """The largest share of negative pixels of a sphere, seen from 300 sides."""
+    rng = np.random.default_rng(4)
+    mirrors, shares = unit(rng, 1000), []
+    for view in unit(rng, 300):
+        normals = mirrors + view
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        views = np.broadcast_to(view, normals.shape)
+        shares.append(np.mean(shown.radiance(normals, views) @ LUMINANCE < 0))
+    return max(shares)
+
+
+@pytest.mark.parametrize("has_lamps", [True, False])
+def test_what_is_black_beside_a_lamp_is_not_recommended(monkeypatch, has_lamps):
+    """From one side of a sphere, that is, where what auto makes has a lamp beside it, or not."""
+    if not has_lamps:
+        monkeypatch.setattr(beside, "split_lamps", lambda probe, **_: split_lamps(probe, count=0))
+    pixels = np.ones((32, 64, 3), np.float32)
+    pixels[8, 20] = 1000 if has_lamps else 300
+    probe = shrm.Probe.from_array(pixels)
+    (found,) = shrm.choose(probe, "microfacet")
+    made, best = shrm.prefilter(probe, "microfacet"), found.recommended
+    assert found.is_kept
+    assert best.form == made.representation
+    assert best.look_ups == made.cube_count
+    assert isinstance(made, LampMap) == has_lamps == (best.multiply_adds is None)
+    spotted = [each for each in found.offers if each.has_spots]
+    assert spotted
+    assert all(worst_side(each.make()) > 0.004 for each in spotted)
+    assert worst_side(best.make()) < 0.006
+    assert best not in spotted
+    named = {(each.form, each.look_ups, each.bytes) for each in found.offers}
+    assert len(named) == len(found.offers)
 
 
 def test_split_sums_of_other_brdfs_are_offered():

@@ -1,5 +1,6 @@
 """Fronts and recommendations, beside what a person would say of a handful of maps."""
 
+from dataclasses import replace
 from xml.etree import ElementTree
 
 import numpy as np
@@ -35,6 +36,12 @@ def test_within_a_budget_the_least_wrong_is_taken():
     assert best(offers, 899) == (100, False)  # 150 bytes are hardly better
     assert best(offers, 99) == (10, False)
     assert best(offers, 9) is None
+
+
+def test_what_has_spots_keeps_nothing():
+    offers = [replace(offer(10, 0.01, 0.01), has_spots=True), offer(100, 0.04, 0.04)]
+    assert best(offers) == (100, True)
+    assert best(offers, 99) == (10, False)
 
 
 def test_fronts_hold_what_nothing_beats():

@@ -50,6 +50,17 @@ def test_json_is_what_the_library_says():
         assert f"`{key}`" in page, key
 
 
+def test_offers_with_spots_are_marked(folder):
+    light = np.ones((32, 64, 3), np.float32)
+    light[8, 20] = 1000
+    write_exr(folder / "sun.exr", light)
+    lines = done("choose", "sun.exr", "--brdf", "microfacet").splitlines()
+    assert any(each.endswith("; s: has black spots") for each in lines)
+    marked = {line[2:6] for line in lines if line[5:6] == "s"}
+    assert marked
+    assert not any(">" in each for each in marked)
+
+
 def test_the_command_that_is_told_makes_the_map():
     text = done("choose", "p.exr", "--brdf", MATTE)
     (line,) = (each.strip() for each in text.splitlines() if each.startswith("  shrm prefilter"))

@@ -8,6 +8,9 @@ numbers follow the code line by line, and a test counts the same by running it.
 
 from collections.abc import Sequence
 
+from shrm_cli.maps.base import Map
+from shrm_cli.maps.principal.principal import PrincipalMap
+from shrm_cli.maps.shrm.shrm import Shrm
 from shrm_cli.records import record
 
 _MIRROR = 7
@@ -52,6 +55,20 @@ def principal_cost(degrees: Sequence[int], center: str) -> Cost:
 def _bundle(p: int) -> int:
     """Return the multiply-adds of a bundle of degree p."""
     return 2 + (p + 1) ** 2 * (24 + 4 * p) + 3 * (2 * p + 1) + 4 * (p + 1)
+
+
+def cost_of(made: Map) -> Cost | None:
+    """Return the cost of an SHRM or of a map of principal functions; None of others, as of lamps.
+
+    What lies beside a map takes what its BRDF takes.
+    """
+    if isinstance(made, Shrm):
+        return shrm_cost(made.info.order_p, made.center)
+    if isinstance(made, PrincipalMap):
+        return sum(
+            (principal_cost(each.degrees, each.center) for each in made.lobes), start=Cost(0, 0)
+        )
+    return None
 
 
 def split_sum_cost() -> Cost:
