@@ -11,6 +11,7 @@ from shrm_cli.export.blocks import astc, bc6h, uastc
 from shrm_cli.export.blocks.lines import Found, with_lamps
 from shrm_cli.export.engine import Engine, Light, Package
 from shrm_cli.export.pixels import FORMATS, PICTURES, Loss, TexelFormat, Words
+from shrm_cli.maps.options import counted
 from shrm_cli.messages import explained
 from shrm_cli.progress import in_order
 from shrm_cli.vocabulary import ENGINES
@@ -65,10 +66,14 @@ def _usual(engine: Engine, light: Light, names: list[str]) -> Package:
         if not lost:
             break
         other = _pack(engine, light, ALL[spare])
-        left = _seen(engine, other.losses)
-        mended = [why for level, why in lost.items() if level not in left]
+        left = {level.what for level in _seen(engine, other.losses)}
+        mended = [level for level in lost if level.what not in left]
         if mended:
-            other.told.append(f"{names[0]} {'; '.join(mended)}; {spare} was written instead")
+            # One level that is seen is reason enough: the numbers of five hide it.
+            worst = max(mended, key=lambda level: level.lamp)
+            more = f", and {counted(len(mended) - 1, 'more level')} too much"
+            why = lost[worst] + (more if len(mended) > 1 else "")
+            other.told.append(f"{names[0]} {why}; {spare} was written instead")
             return other
     squares = _squares(engine, made.losses, SEEN_DIFFUSE)
     if squares and ALL[names[0]].edge > 1:
@@ -76,11 +81,11 @@ def _usual(engine: Engine, light: Light, names: list[str]) -> Package:
     return made
 
 
-def _seen(engine: Engine, losses: Sequence[Loss]) -> dict[str, str]:
-    """Return what is seen of losses, by level: lamps, and the diffuse light of the last."""
-    seen = {each.what: _change(each) for each in losses if each.lamp > MAX_LAMP}
+def _seen(engine: Engine, losses: Sequence[Loss]) -> dict[Loss, str]:
+    """Return the losses that are seen, in words: of lamps, and of diffuse light in the last."""
+    seen = {each: _change(each) for each in losses if each.lamp > MAX_LAMP}
     if squares := _squares(engine, losses, MAX_DIFFUSE):
-        seen[losses[-1].what] = squares
+        seen[losses[-1]] = squares
     return seen
 
 

@@ -413,6 +413,26 @@ def test_what_changes_light_too_much_is_refused_or_passed_over(rng):
     assert lenient.losses[0].rms > 0.05
 
 
+def test_of_several_levels_that_lose_lamps_the_worst_is_told(rng):
+    """Noise of 8 x 8 bright texels, which is stronger in the second of three levels."""
+    levels = []
+    for size, spread in ((64, 0.9), (32, 1.3), (16, 0.9)):
+        level = np.full((6 * size, size, 3), 0.01)
+        level[4:12, 4:12] = np.exp(rng.normal(0, spread, (8, 8, 3)))
+        levels.append(level)
+    light = Light("a", "a.exr", levels=tuple(levels), roughness=(0.0, 0.5, 1.0))
+    lost = [each.lamp for each in packed(engine("three"), light, "uastc", None).losses]
+    assert lost[1] == max(lost)
+    count = sum(each > 0.02 for each in lost) - 1
+    (line,) = [
+        each for each in packed(engine("three"), light, None, None).told if "instead" in each
+    ]
+    assert line.startswith("uastc changes level 1 by")
+    assert count > 0
+    more = f"{count} more level{'s' * (count > 1)}"
+    assert line.endswith(f", and {more} too much; rgba16f was written instead")
+
+
 @pytest.mark.parametrize("spread", [0.1, 1.0])
 def test_lamps_that_the_default_would_change_get_texels_that_do_not(rng, spread):
     """A lamp that is smooth, and one of noise, whose brightest texels stand beside dark ones."""
