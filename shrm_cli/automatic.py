@@ -15,11 +15,10 @@ from typing import TYPE_CHECKING, Self
 
 from shrm_cli.forms import FORM, Forms, with_form_told
 from shrm_cli.maps.lobes_lit import keeping_light
-from shrm_cli.maps.negative import examined, negative_in
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.request import Prefiltered, Request
 from shrm_cli.maps.seen import as_candidate, judged, kept_or_best, with_discs_told
-from shrm_cli.maps.wrong_pixels import LampsBeside, beside_lamps
+from shrm_cli.maps.wrong_pixels import LampsBeside, beside_lamps, examined, negative_in
 from shrm_cli.plan import policy
 from shrm_cli.plan.search import (
     Candidate,

@@ -9,13 +9,13 @@ from dataclasses import replace
 from functools import cached_property
 
 from shrm_cli.brdf.sums import split
-from shrm_cli.maps.negative import Truth, examined, negative_in, truth_of
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.principal.proposal import Proposals
 from shrm_cli.maps.request import Prefiltered, Request
 from shrm_cli.maps.seen import as_candidate, goal_text, judged, known_error
 from shrm_cli.maps.shrm.prefilter import prefilter as shrm_prefilter
 from shrm_cli.maps.shrm.proposals import ShrmProposals
+from shrm_cli.maps.wrong_pixels import Truth, examined, negative_in, truth_of
 from shrm_cli.plan import policy
 from shrm_cli.plan.search import Candidate, Goal, first_kept, rising
 from shrm_cli.probe.lighting import Projection

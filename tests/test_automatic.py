@@ -10,16 +10,15 @@ from shrm_cli import automatic
 from shrm_cli.errors import ArgumentError
 from shrm_cli.lights import beside
 from shrm_cli.lights.split import split_lamps
-from shrm_cli.maps import negative, wrong_pixels
+from shrm_cli.maps import wrong_pixels
 from shrm_cli.maps.lamps.map import LampMap
-from shrm_cli.maps.negative import Negative
 from shrm_cli.maps.options import bytes_text
 from shrm_cli.maps.principal import proposal as principal_proposal
 from shrm_cli.maps.request import Prefiltered
 from shrm_cli.maps.seen import kept_or_best
 from shrm_cli.maps.shrm import proposals
 from shrm_cli.maps.size import total_error
-from shrm_cli.maps.wrong_pixels import lamps_beside
+from shrm_cli.maps.wrong_pixels import Negative, lamps_beside
 from shrm_cli.plan import policy
 from shrm_cli.plan.search import Candidate, Goal
 from shrm_cli.prefilter import prefilter, prefilter_with_facts
@@ -409,12 +408,12 @@ def test_dark_maps_are_made_without_lamps_too(bare_sun, monkeypatch, shown):
     """Where all that keep the error are negative beside the lamp, from some side at least."""
     asked = {"brdf": "ggx:roughness=0.5", "error": 0.3, "seen": 0.9}
     assert not isinstance(made(bare_sun, **asked).map, LampMap)
-    counted = negative.negative_of
+    counted = wrong_pixels.negative_of
 
     def dark(map_, truth=None):
         return shown if lamps_beside.get() is None else counted(map_, truth)
 
-    monkeypatch.setattr(negative, "negative_of", dark)
+    monkeypatch.setattr(wrong_pixels, "negative_of", dark)
     found = made(bare_sun, **asked)
     assert isinstance(found.map, LampMap)
     assert re.search(r"with them in the map .*, and black spots$", dict(found.notes)["form"])
@@ -429,7 +428,7 @@ def test_dark_places_are_given_more(probe, monkeypatch):
         asked.append(texels(map_))
         return Negative(*shares[len(asked) - 1])
 
-    monkeypatch.setattr(negative, "negative_of", share)
+    monkeypatch.setattr(wrong_pixels, "negative_of", share)
     monkeypatch.setattr(policy, "SIMPLE_TIMES", 0)
     found = made(probe, brdf=MICROFACET, sun="keep").map
     assert len(asked) == policy.TRIED_DARK
@@ -468,7 +467,7 @@ def counting(monkeypatch, owner, name):
 
 def test_nothing_is_found_out_twice(probe, monkeypatch):
     monkeypatch.setattr(policy, "SIMPLE_TIMES", 0)
-    dark = counting(monkeypatch, negative, "negative_of")
+    dark = counting(monkeypatch, wrong_pixels, "negative_of")
     wrong = counting(monkeypatch, principal_proposal, "predicted_wrong_share")
     expanded = counting(monkeypatch, proposals, "choose_orders")
     found = made(probe, brdf=SKIN)

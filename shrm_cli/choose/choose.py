@@ -26,8 +26,6 @@ from shrm_cli.maps.expansion import Expansion
 from shrm_cli.maps.kinds import LightMap
 from shrm_cli.maps.lamps.map import LampMap
 from shrm_cli.maps.lobes_lit import keeping_light
-from shrm_cli.maps.negative import Truth as Reflected
-from shrm_cli.maps.negative import negative_in, negative_of, truth_of
 from shrm_cli.maps.offers import LookUp, Setting
 from shrm_cli.maps.options import counted, parse_bytes
 from shrm_cli.maps.principal.plan import Joint
@@ -39,6 +37,8 @@ from shrm_cli.maps.seen import as_candidate
 from shrm_cli.maps.shader.cost import Cost, cost_of, principal_cost, shrm_cost
 from shrm_cli.maps.shrm.proposals import ShrmProposals
 from shrm_cli.maps.size import total_error
+from shrm_cli.maps.wrong_pixels import Truth as Reflected
+from shrm_cli.maps.wrong_pixels import negative_in, negative_of, truth_of
 from shrm_cli.messages import several
 from shrm_cli.plan import policy
 from shrm_cli.plan.search import Candidate, Goal, Row, kept_in_fewest

@@ -24,11 +24,16 @@ from shrm_cli.maps.lamps.lobe import LobeTable, bytes_of_table, table_bytes
 from shrm_cli.maps.lamps.map import DIM_THE_REST, LampMap
 from shrm_cli.maps.lamps.rule import LitDiscs
 from shrm_cli.maps.lobes_lit import Lobes, judged, reflected
-from shrm_cli.maps.negative import negative_in
 from shrm_cli.maps.options import counted
 from shrm_cli.maps.request import Prefiltered, Request
 from shrm_cli.maps.view_lobes import whole_lobes
-from shrm_cli.maps.wrong_pixels import LampsBeside, LampsLit, beside_lamps, share_of_points
+from shrm_cli.maps.wrong_pixels import (
+    LampsBeside,
+    LampsLit,
+    beside_lamps,
+    negative_in,
+    share_of_points,
+)
 from shrm_cli.messages import percent
 from shrm_cli.plan import policy
 from shrm_cli.plan.search import Goal, error_beside

@@ -14,10 +14,10 @@ from functools import cache
 from shrm_cli.maps import registry
 from shrm_cli.maps.base import DISCS, REMEDY
 from shrm_cli.maps.lobes_lit import keeping_light
-from shrm_cli.maps.negative import Truth, examined, negative_in
 from shrm_cli.maps.options import SHARED, bytes_text
 from shrm_cli.maps.request import Prefiltered, Request
 from shrm_cli.maps.size import stored_bytes, total_error
+from shrm_cli.maps.wrong_pixels import Truth, examined, negative_in
 from shrm_cli.plan import policy
 from shrm_cli.plan.search import Candidate, Goal, least_wrong
 from shrm_cli.probe.probe import Probe

@@ -18,8 +18,8 @@ from shrm_cli.errors import ArgumentError, MapError
 from shrm_cli.maps.base import Map, ReflectedLight
 from shrm_cli.maps.info import MapInfo
 from shrm_cli.maps.kinds import LightMap, MaterialMap
-from shrm_cli.maps.negative import Negative, negative_of
 from shrm_cli.maps.request import wrong_light
+from shrm_cli.maps.wrong_pixels import Negative, negative_of
 from shrm_cli.probe.lighting import Projection
 from shrm_cli.probe.probe import Probe
 from shrm_cli.records import record

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from shrm_cli.maps.negative import negative_of
-from shrm_cli.maps.wrong_pixels import LampsBeside, LampsLit, beside_lamps
+from shrm_cli.maps.wrong_pixels import LampsBeside, LampsLit, beside_lamps, negative_of
 from shrm_cli.prefilter import prefilter_with_facts
 from shrm_cli.probe.probe import Probe
 from shrm_cli.sphere.cube import nearest_texels

@@ -23,8 +23,8 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
     proposals = Proposals(Projection(probe), asked)
     if goal is not None:
         # Only maps that are judged by what is seen need these modules.
-        from shrm_cli.maps.negative import truth_of
         from shrm_cli.maps.seen import kept_or_best
+        from shrm_cli.maps.wrong_pixels import truth_of
 
         candidates = rising(proposals, goal, request.allowed)
         truth, size = truth_of(probe, request.brdf), request.size

@@ -44,9 +44,9 @@ def prefilter(probe: Probe, request: Request) -> Prefiltered:
     light = Projection(probe)
     if request.seen is not None:
         # Only maps that are judged by what is seen need these modules.
-        from shrm_cli.maps.negative import truth_of
         from shrm_cli.maps.seen import kept_or_best
         from shrm_cli.maps.shrm.proposals import ShrmProposals
+        from shrm_cli.maps.wrong_pixels import truth_of
         from shrm_cli.plan.search import Goal, rising
 
         goal, allowed = Goal.of(request.error, request.seen), request.allowed

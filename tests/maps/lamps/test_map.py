@@ -13,7 +13,7 @@ from shrm_cli.maps.base import Map
 from shrm_cli.maps.file import open_map
 from shrm_cli.maps.info import in_primaries
 from shrm_cli.maps.lamps.map import LampMap
-from shrm_cli.maps.request import negative_warnings
+from shrm_cli.maps.wrong_pixels import Negative
 from shrm_cli.probe.disc import Disc
 from shrm_cli.vocabulary import PRIMARIES
 from tests.brute_force import unit
@@ -62,7 +62,7 @@ def test_errors_are_relative_to_all_light(tmp_path):
 
 
 def test_no_advice_takes_lamps_out_that_are_beside_it():
-    (line,) = negative_warnings(made(), 0.01)
+    (line,) = Negative(0.01, 0.01).warnings(made())
     assert line.endswith("dim what is left by `clamp`")
 
 
