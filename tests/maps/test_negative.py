@@ -64,9 +64,9 @@ def test_the_worst_side_is_what_pictures_show(rim):
         views = np.broadcast_to(axes[2], normals.shape)
         shares.append(np.mean(rim.map.radiance(normals, views) @ LUMINANCE < 0))
     found = negative_of(rim.map)
-    assert np.mean(shares) == pytest.approx(found.share, abs=0.0005)
+    assert np.mean(shares) == pytest.approx(found.share, abs=0.001)
     assert np.quantile(shares, 0.98) <= found.worst <= 1.2 * max(shares)
-    assert found.worst > 20 * found.share
+    assert found.worst > 10 * found.share
 
 
 def test_what_one_side_shows_is_said(rim):
