@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import tempfile
 from collections.abc import Iterable, Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,8 @@ ANIMATED = (".apng", ".gif", ".mp4")
 _HELD = {".apng": 10, ".gif": 4}
 """Bytes for each pixel of all frames, measured as growth of the process's peak and rounded up."""
 
+_GIF_RATE = 50
+"""The most frames a second of a GIF: browsers take a tenth of a second for one of a hundredth."""
 _MP4_OPTIONS = (
     # Sizes must be even, and the colours are those of HDTV and not of old television.
     "-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2,scale=out_color_matrix=bt709:out_range=tv",
@@ -60,11 +63,16 @@ def write_animation(path: str | os.PathLike[str], frames: Iterable[Image8], rate
     `path` is ``.apng``, ``.gif`` or ``.mp4``. `frames`, each of shape (H, W, 3), are sRGB. A GIF
     has 256 colours in each of them. An MP4 has an even number of rows and of columns: the last ones
     are repeated in black where it must be. `rate` is in frames a second. GIFs count in hundredths
-    of a second.
+    of a second, and have 50 frames in it at most.
     """
     suffix = Path(path).suffix.lower()
     if suffix not in ANIMATED:
         raise OutputError(f"{path}: moving pictures are {', '.join(ANIMATED)}; name such a file")
+    if suffix == ".gif" and rate > _GIF_RATE:
+        raise OutputError(
+            f"{path}: browsers show a GIF of more than {_GIF_RATE} frames a second slowly; give "
+            f"`fps` {_GIF_RATE} or less, or name .apng or .mp4"
+        )
     with replacing(path) as temporary:
         if suffix == ".mp4":
             _write_mp4(path, temporary, iter(frames), rate)
@@ -90,17 +98,28 @@ def _write_by_pillow(
     suffix: str,
 ) -> None:
     library = _pillow(path)
-    shown = (library.fromarray(frame) for frame in frames)
-    images = [image.quantize(256) if suffix == ".gif" else image for image in shown]
+    images = [library.fromarray(frame) for frame in frames]
+    durations: float | list[int] = 1000 / rate
+    if suffix == ".gif":
+        images = [_dithered(library, image) for image in images]
+        # Hundredths of a second that add up to the rate: Pillow rounds each of them down.
+        ends = [round(100 * k / rate) for k in range(len(images) + 1)]
+        durations = [10 * (after - before) for before, after in pairwise(ends)]
     temporary.touch()  # raises the system's error in its own words
     images[0].save(
         temporary,
         format="GIF" if suffix == ".gif" else "PNG",
         save_all=True,
         append_images=images[1:],
-        duration=1000 / rate,
+        duration=durations,
         loop=0,
     )
+
+
+def _dithered(library: Any, image: Any) -> Any:
+    """Return a picture in 256 colours, which are mixed: smooth light would have rings otherwise."""
+    # Pillow mixes only those of a palette that it is given.
+    return image.quantize(palette=image.quantize(256), dither=library.Dither.FLOYDSTEINBERG)
 
 
 def _ffmpeg(path: str | os.PathLike[str]) -> str:

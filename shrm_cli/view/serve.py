@@ -7,6 +7,7 @@ they cannot read the maps through a browser.
 """
 
 import secrets
+import sys
 from collections.abc import Callable
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
@@ -31,6 +32,11 @@ class PageServer(ThreadingHTTPServer):
         self._start = f"/{secrets.token_urlsafe(_TOKEN_BYTES)}/"
         files = _files(scene, self._start)
         super().__init__((_ADDRESS, 0), _handler(files, lambda: self.server_address[1]))
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Print what failed, but nothing where a browser left, as it does to load a page anew."""
+        if not isinstance(sys.exc_info()[1], ConnectionError):
+            super().handle_error(request, client_address)
 
     @property
     def url(self) -> str:

@@ -37,6 +37,47 @@ def test_pillow_reads_all_frames(tmp_path, suffix):
     assert [each.name for each in tmp_path.iterdir()] == [path.name]
 
 
+@pytest.mark.parametrize("rate", [12.5, 24, 30, 50])
+def test_gifs_keep_their_rate_in_the_mean(tmp_path, rate):
+    """A frame lasts whole hundredths of a second."""
+    write_animation(tmp_path / "a.gif", frames(11), rate)
+    with Image.open(tmp_path / "a.gif") as found:
+        lasts = []
+        for k in range(found.n_frames):
+            found.seek(k)
+            lasts.append(found.info["duration"])
+    assert sum(lasts) == pytest.approx(11_000 / rate, abs=10)
+    assert max(lasts) - min(lasts) <= 10
+
+
+def test_gifs_that_browsers_would_show_slowly_are_refused(tmp_path):
+    with pytest.raises(OutputError, match=r"`fps` 50 or less, or name \.apng or \.mp4"):
+        write_animation(tmp_path / "a.gif", frames(2), 51)
+    assert not [*tmp_path.iterdir()]
+
+
+def test_smooth_light_has_no_rings_in_gifs(tmp_path):
+    """Colours are mixed, so that squares of 8 x 8 pixels keep their means."""
+    x, y = np.meshgrid(np.linspace(0, 1, 192), np.linspace(0, 1, 192))
+    smooth = (
+        np.stack(
+            [
+                x,
+                y,
+                (x + y) / 2,
+            ],
+            axis=-1,
+        )
+        * 200
+        + 40
+    )
+    write_animation(tmp_path / "a.gif", [smooth.astype(np.uint8)] * 2, 10)
+    with Image.open(tmp_path / "a.gif") as found:
+        pixels = np.asarray(found.convert("RGB")).astype(float)
+    off = (pixels - smooth)[16:-16, 16:-16].reshape(20, 8, 20, 8, 3).mean(axis=(1, 3))
+    assert np.abs(off).max() < 3
+
+
 @pytest.fixture
 def ffmpeg(tmp_path, monkeypatch):
     """Put a ffmpeg where it is found: a wheel brings one to every machine."""
