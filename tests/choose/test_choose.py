@@ -375,7 +375,7 @@ def worst_side(shown):
     return max(shares)
 
 
-@pytest.mark.parametrize("has_lamps", [True, False])
+@pytest.mark.parametrize("has_lamps", [True, pytest.param(False, marks=pytest.mark.proof)])
 def test_what_is_black_beside_a_lamp_is_not_recommended(monkeypatch, has_lamps):
     """From one side of a sphere, that is, where what auto makes has a lamp beside it, or not."""
     if not has_lamps:

@@ -9,7 +9,8 @@ import OpenImageIO as oiio
 import pytest
 
 import shrm_cli as shrm
-from shrm_cli.cli.choose import _flags
+from shrm_cli.cli.choose import _flags, _report
+from shrm_cli.plan.search import Goal
 from tests import oracles
 from tests.cli.helpers import ROOT, assert_refused, done, polynomial_light, run, write_exr
 
@@ -50,15 +51,20 @@ def test_json_is_what_the_library_says():
         assert f"`{key}`" in page, key
 
 
-def test_offers_with_spots_are_marked(folder):
-    light = np.ones((32, 64, 3), np.float32)
-    light[8, 20] = 1000
-    write_exr(folder / "sun.exr", light)
-    lines = done("choose", "sun.exr", "--brdf", "microfacet").splitlines()
-    assert any(each.endswith("; s: has black spots") for each in lines)
-    marked = {line[2:6] for line in lines if line[5:6] == "s"}
-    assert marked
-    assert not any(">" in each for each in marked)
+def test_offers_with_spots_are_marked():
+    def offer(count, **marks):
+        return shrm.Offer(
+            "shrm", "cubes", count, 0.01, 0.01, (), 4, 52, None, lambda: None, **marks
+        )
+
+    def report(*offers):
+        goal = Goal(0.05, 0.05)
+        return _report("p.exr", shrm.Choice("p", "b", goal, None, offers, offers[-1], True))
+
+    spotted = report(offer(100, has_spots=True), offer(200, on_front=True))
+    assert [line[:6] for line in spotted[2:4]] == ["     s", "  >b  "]
+    assert spotted[4].endswith("; ~: measured; s: has black spots")
+    assert report(offer(200))[3].endswith("; ~: measured")
 
 
 def test_the_command_that_is_told_makes_the_map():
