@@ -124,7 +124,11 @@ def test_moving_pictures_hold_the_frames(folder, suffix):
             pixels = np.asarray(found.convert("RGB")).astype(int)
             expected = read(f"f{k + 1:02d}.png")
             assert expected.dtype == np.uint8
-            assert np.abs(pixels - expected).max() <= (0 if suffix == "apng" else 4)
+            off = pixels - expected
+            # The colours of a GIF are mixed: what squares show is nearer than their pixels.
+            squares = np.abs(off.reshape(8, 4, 8, 4, 3).mean(axis=(1, 3)))
+            assert np.abs(off).max() <= (0 if suffix == "apng" else 5)
+            assert squares.max() <= (0 if suffix == "apng" else 1.25)
 
 
 def test_moving_pictures_that_show_nothing_say_which_exposure_would(folder):
