@@ -183,6 +183,7 @@ def make(probe: Probe, request: Request, progress: Progress | None = None) -> Pr
                 from shrm_cli.lights.beside import with_lamps
 
                 found = with_lamps(found, lamps)
+            # Maps of light alone are not looked at.
             from shrm_cli.maps.wrong_pixels import examined, truth_of
 
             found = examined(found, truth_of(probe, request.brdf))

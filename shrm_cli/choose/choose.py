@@ -338,7 +338,7 @@ def _chosen(
         except ShrmError as reason:
             missing.append(f"no {form}: {reason}")
     count = 0 if brdf.center == "tangent" else len(split_of(probe).discs)
-    found = without_spots(decided(probe.name, name, goal, budget, offers), truth_of(probe, brdf))
+    found = _without_spots(decided(probe.name, name, goal, budget, offers), truth_of(probe, brdf))
     have_spots = any(each.has_spots for each in found.offers)
     if have_spots or (count and _may_gain_by_lamps_beside(found)):
         made = _automatic(probe, brdf, goal, budget, work)
@@ -348,7 +348,7 @@ def _chosen(
     return replace(found, lamps=count, warnings=tuple(f"{name}: {line}" for line in missing))
 
 
-def without_spots(choice: Choice, truth: Reflected) -> Choice:
+def _without_spots(choice: Choice, truth: Reflected) -> Choice:
     """Recommend a map that is negative nowhere where that is seen, if there is one.
 
     Those whose errors are predicted are looked at, as `to` auto does, one after the other as they

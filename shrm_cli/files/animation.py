@@ -98,10 +98,10 @@ def _write_by_pillow(
     suffix: str,
 ) -> None:
     library = _pillow(path)
-    images = [library.fromarray(frame) for frame in frames]
+    shown = (library.fromarray(frame) for frame in frames)
+    images = [_dithered(library, image) if suffix == ".gif" else image for image in shown]
     durations: float | list[int] = 1000 / rate
     if suffix == ".gif":
-        images = [_dithered(library, image) for image in images]
         # Hundredths of a second that add up to the rate: Pillow rounds each of them down.
         ends = [round(100 * k / rate) for k in range(len(images) + 1)]
         durations = [10 * (after - before) for before, after in pairwise(ends)]

@@ -167,12 +167,16 @@ class Side:
 
     @cached_property
     def points(self) -> tuple[Array, Array]:
-        """The mirror directions and the views of all pixels, those of a side in a row, (n, 3)."""
+        """The mirror directions and views of all pixels, side after side, (n, 3); read-only."""
         mirrored = np.tile(spiral_directions(self.count), (len(self.views), 1))
-        return mirrored, self.views.repeat(self.count, axis=0)
+        views = self.views.repeat(self.count, axis=0)
+        for each in (mirrored, views):
+            each.setflags(write=False)
+        return mirrored, views
 
 
 _SIDES = 64
+"""The views all around from which spheres are looked at, some 29 degrees apart."""
 
 
 @cache

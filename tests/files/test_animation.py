@@ -59,18 +59,7 @@ def test_gifs_that_browsers_would_show_slowly_are_refused(tmp_path):
 def test_smooth_light_has_no_rings_in_gifs(tmp_path):
     """Colours are mixed, so that squares of 8 x 8 pixels keep their means."""
     x, y = np.meshgrid(np.linspace(0, 1, 192), np.linspace(0, 1, 192))
-    smooth = (
-        np.stack(
-            [
-                x,
-                y,
-                (x + y) / 2,
-            ],
-            axis=-1,
-        )
-        * 200
-        + 40
-    )
+    smooth = np.stack([x, y, (x + y) / 2], axis=-1) * 200 + 40
     write_animation(tmp_path / "a.gif", [smooth.astype(np.uint8)] * 2, 10)
     with Image.open(tmp_path / "a.gif") as found:
         pixels = np.asarray(found.convert("RGB")).astype(float)

@@ -161,3 +161,10 @@ def test_costs_are_those_of_the_code(tmp_path):
     found = [tuple(map(int, line.split())) for line in told.splitlines()]
     expected = [(each.look_ups, each.multiply_adds) for *_, each in MADE.values()]
     assert dict(zip(MADE, found, strict=True)) == dict(zip(MADE, expected, strict=True))
+
+
+def test_maps_of_view_functions_tell_their_costs():
+    for name, (make, _, expected) in MADE.items():
+        made = make()
+        is_told = made.representation in ("shrm", "principal")
+        assert cost.cost_of(made) == (expected if is_told else None), name
